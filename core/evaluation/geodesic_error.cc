@@ -1,0 +1,159 @@
+#include "core/evaluation/geodesic_error.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "core/base/parallel.h"
+#include "core/base/status_macros.h"
+#include "core/geodesic/distance_field_solver.h"
+#include "core/geodesic/farthest_point_sampling.h"
+#include "core/mesh/clean_mesh.h"
+#include "core/mesh/mesh_geometry.h"
+
+namespace isomatch {
+namespace {
+
+/// Extremities among which the diameter is sought.
+constexpr int kDiameterPoints = 32;
+
+/// The vertices found for one true vertex, and where their errors go.
+struct Query {
+  VertexIndex source;  ///< the true vertex
+  std::vector<VertexIndex> targets;
+  std::vector<float> distances;
+};
+
+double Diameter(const DistanceFieldSolver& solver) {
+  DistanceFieldSolver::Workspace workspace;
+  const auto points = FarthestPoints(solver, kDiameterPoints, {});
+  std::vector<float> field(solver.num_vertices());
+  float diameter = 0;
+  for (const VertexIndex point : *points) {
+    solver.Solve(point, field.data(), 1, &workspace);
+    for (const float distance : field) {
+      if (distance < kUnreachable) diameter = std::max(diameter, distance);
+    }
+  }
+  return diameter;
+}
+
+}  // namespace
+
+struct GeodesicErrorMeter::State {
+  explicit State(const TriangleMesh& mesh)
+      : clean(Clean(mesh)), solver(clean.mesh) {}
+
+  CleanMesh clean;
+  DistanceFieldSolver solver;
+};
+
+GeodesicErrorMeter::GeodesicErrorMeter(const TriangleMesh& mesh_y)
+    : state_(std::make_unique<State>(mesh_y)),
+      diameter_(Diameter(state_->solver)),
+      sqrt_area_(std::sqrt(SurfaceArea(state_->clean.mesh))) {}
+
+GeodesicErrorMeter::~GeodesicErrorMeter() = default;
+GeodesicErrorMeter::GeodesicErrorMeter(GeodesicErrorMeter&&) noexcept = default;
+GeodesicErrorMeter& GeodesicErrorMeter::operator=(
+    GeodesicErrorMeter&&) noexcept = default;
+
+namespace {
+
+/// Clean vertex of `y`, or an error that names `what` and the entry.
+absl::StatusOr<VertexIndex> CleanVertex(const CleanMesh& clean,
+                                        const char* what, std::size_t x,
+                                        VertexIndex y) {
+  const auto n = static_cast<VertexIndex>(clean.clean_from_original.size());
+  if (y < 0 || y >= n) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        what, "[", x, "]: ", y, ", expected 0 to ", n - 1, " or -1"));
+  }
+  if (clean.clean_from_original[y] == kNoVertex) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(what, "[", x, "]: vertex ", y, " of Y is on no face"));
+  }
+  return clean.clean_from_original[y];
+}
+
+/// Groups the comparisons by true vertex, so that one front serves them all.
+absl::StatusOr<std::vector<Query>> Queries(const CleanMesh& clean,
+                                           absl::Span<const VertexIndex> found,
+                                           absl::Span<const VertexIndex> truth,
+                                           GeodesicError* error) {
+  if (found.size() != truth.size()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("the map has ", found.size(), " entries, the truth ",
+                     truth.size(), ", expected equally many"));
+  }
+  std::map<VertexIndex, Query> by_truth;
+  for (std::size_t x = 0; x < truth.size(); ++x) {
+    if (truth[x] == kNoVertex) continue;
+    ++error->evaluated;
+    if (found[x] == kNoVertex) {
+      ++error->unmatched;
+      continue;
+    }
+    ISOMATCH_ASSIGN_OR_RETURN(const VertexIndex source,
+                              CleanVertex(clean, "truth", x, truth[x]));
+    ISOMATCH_ASSIGN_OR_RETURN(const VertexIndex target,
+                              CleanVertex(clean, "map", x, found[x]));
+    Query& query = by_truth[source];
+    query.source = source;
+    query.targets.push_back(target);
+  }
+  if (by_truth.empty()) {
+    return absl::InvalidArgumentError(
+        "no vertex has both a truth and a match, nothing to compare");
+  }
+  std::vector<Query> queries;
+  for (auto& [source, query] : by_truth) {
+    query.distances.resize(query.targets.size());
+    queries.push_back(std::move(query));
+  }
+  return queries;
+}
+
+}  // namespace
+
+absl::StatusOr<GeodesicError> GeodesicErrorMeter::Measure(
+    absl::Span<const VertexIndex> found, absl::Span<const VertexIndex> truth,
+    const std::stop_token& stop) const {
+  GeodesicError error;
+  error.diameter = diameter_;
+  error.sqrt_area = sqrt_area_;
+  ISOMATCH_ASSIGN_OR_RETURN(std::vector<Query> queries,
+                            Queries(state_->clean, found, truth, &error));
+  constexpr std::int64_t kPerTask = 64;
+  const auto count = static_cast<std::int64_t>(queries.size());
+  const std::int64_t tasks = (count + kPerTask - 1) / kPerTask;
+  ISOMATCH_RETURN_IF_ERROR(ParallelFor(tasks, stop, [&](std::int64_t task) {
+    DistanceFieldSolver::Workspace workspace;
+    const std::int64_t end = std::min(count, (task + 1) * kPerTask);
+    for (std::int64_t i = task * kPerTask; i < end; ++i) {
+      state_->solver.SolveTo(queries[i].source, queries[i].targets,
+                             absl::MakeSpan(queries[i].distances), &workspace);
+    }
+  }));
+  double sum = 0;
+  int compared = 0;
+  for (const Query& query : queries) {
+    for (const float distance : query.distances) {
+      const double fraction = std::min(1.0, distance / diameter_);
+      sum += fraction;
+      ++compared;
+      error.max_over_diameter = std::max(error.max_over_diameter, fraction);
+      for (std::size_t i = 0; i < kErrorThresholds.size(); ++i) {
+        error.within[i] += fraction <= kErrorThresholds[i];
+      }
+    }
+  }
+  error.mean_over_diameter = sum / compared;
+  error.mean_over_sqrt_area = error.mean_over_diameter * diameter_ / sqrt_area_;
+  for (double& within : error.within) within /= compared;
+  return error;
+}
+
+}  // namespace isomatch

@@ -1,0 +1,109 @@
+#include "core/geodesic/basis_points.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <utility>
+
+#include <Eigen/Core>
+
+#include "core/base/mutex.h"
+#include "core/base/parallel.h"
+#include "core/base/status_macros.h"
+
+namespace isomatch {
+namespace {
+
+using Row = Eigen::Map<const Eigen::ArrayXf>;
+
+/// Sources a task solves with one workspace.
+constexpr int kSourcesPerTask = 4;
+
+}  // namespace
+
+int BasisPoints::DefaultCount(VertexIndex num_vertices) {
+  constexpr int kFewest = 16;
+  const int root =
+      static_cast<int>(std::lround(std::sqrt(double{1} * num_vertices)));
+  return std::min<int>(std::max(root, kFewest), num_vertices);
+}
+
+absl::StatusOr<BasisPoints> BasisPoints::Create(
+    const DistanceFieldSolver& solver, std::vector<VertexIndex> points,
+    const std::function<void(double)>& progress, const std::stop_token& stop) {
+  BasisPoints basis;
+  basis.points_ = std::move(points);
+  basis.num_vertices_ = solver.num_vertices();
+  const int count = basis.num_points();
+  basis.fields_.resize(std::int64_t{basis.num_vertices_} * count);
+  Mutex mutex;
+  int done = 0;
+  const auto solve_some = [&](std::int64_t task) {
+    DistanceFieldSolver::Workspace workspace;
+    const int begin = static_cast<int>(task) * kSourcesPerTask;
+    const int end = std::min(begin + kSourcesPerTask, count);
+    for (int z = begin; z < end && !stop.stop_requested(); ++z) {
+      solver.Solve(basis.points_[z], basis.fields_.data() + z, count,
+                   &workspace);
+      const MutexLock lock(mutex);
+      if (progress) progress(double(++done) / count);
+    }
+  };
+  ISOMATCH_RETURN_IF_ERROR(ParallelFor(
+      (count + kSourcesPerTask - 1) / kSourcesPerTask, stop, solve_some));
+  return basis;
+}
+
+float BasisPoints::LowerBound(VertexIndex u, VertexIndex v) const {
+  return (Row(Profile(u), num_points()) - Row(Profile(v), num_points()))
+      .abs()
+      .maxCoeff();
+}
+
+float BasisPoints::UpperBound(VertexIndex u, VertexIndex v) const {
+  return (Row(Profile(u), num_points()) + Row(Profile(v), num_points()))
+      .minCoeff();
+}
+
+std::vector<int> BasisPoints::Nearest(VertexIndex v, int count) const {
+  std::vector<int> order(num_points());
+  std::iota(order.begin(), order.end(), 0);
+  const auto middle = order.begin() + std::min(count, num_points());
+  const float* const profile = Profile(v);
+  std::partial_sort(order.begin(), middle, order.end(), [&](int a, int b) {
+    return std::pair(profile[a], a) < std::pair(profile[b], b);
+  });
+  return {order.begin(), middle};  // without the room of all of them
+}
+
+float BasisPoints::MeanDistance(int z) const {
+  double sum = 0;
+  VertexIndex reached = 0;
+  for (VertexIndex v = 0; v < num_vertices_; ++v) {
+    if (Distance(v, z) == kUnreachable) continue;
+    sum += Distance(v, z);
+    ++reached;
+  }
+  return static_cast<float>(sum / std::max<VertexIndex>(reached, 1));
+}
+
+Environments::Environments(const BasisPoints& basis,
+                           absl::Span<const VertexIndex> vertices)
+    : first_(basis.num_points() + 1, 0) {
+  std::vector<std::vector<int>> nearest(vertices.size());
+  for (std::size_t i = 0; i < vertices.size(); ++i) {
+    nearest[i] =
+        basis.Nearest(vertices[i], BasisPoints::kEnvironmentsPerVertex);
+    for (const int z : nearest[i]) ++first_[z + 1];
+  }
+  std::partial_sum(first_.begin(), first_.end(), first_.begin());
+  members_.resize(first_.back());
+  std::vector<std::int64_t> next(first_.begin(), first_.end() - 1);
+  for (std::size_t i = 0; i < vertices.size(); ++i) {
+    for (const int z : nearest[i]) {
+      members_[next[z]++] = static_cast<std::int32_t>(i);
+    }
+  }
+}
+
+}  // namespace isomatch

@@ -1,0 +1,85 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <stop_token>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "absl/types/span.h"
+#include "core/base/vertex_index.h"
+#include "core/geodesic/distance_field_solver.h"
+
+namespace isomatch {
+
+/// Locality sensitive hashing of geodesic distances (paper, Section 3.1): the
+/// distances of every vertex to sqrt(n) basis points take the place of the n^2
+/// distances between vertices.
+///
+/// Memory: 4 n |Z| bytes. Thread-safe once built.
+class BasisPoints {
+ public:
+  /// Basis points a vertex's environments are made of.
+  static constexpr int kEnvironmentsPerVertex = 3;
+
+  /// sqrt(n), at least 16, at most n.
+  static int DefaultCount(VertexIndex num_vertices);
+
+  /// Computes the fields of `points`, in parallel. `progress`, when set, is
+  /// called with a fraction in (0, 1], from one thread at a time.
+  static absl::StatusOr<BasisPoints> Create(
+      const DistanceFieldSolver& solver, std::vector<VertexIndex> points,
+      const std::function<void(double)>& progress, const std::stop_token& stop);
+
+  /// The vertices Z, in order of farthest point sampling.
+  const std::vector<VertexIndex>& points() const { return points_; }
+  int num_points() const { return static_cast<int>(points_.size()); }
+  VertexIndex num_vertices() const { return num_vertices_; }
+
+  /// Distance between vertex v and basis point number z, mesh units.
+  float Distance(VertexIndex v, int z) const { return Profile(v)[z]; }
+
+  /// Distances of a vertex to all basis points.
+  const float* Profile(VertexIndex v) const {
+    return fields_.data() + std::int64_t{v} * num_points();
+  }
+
+  /// Eq. 6: max_z |d(z, u) - d(z, v)| <= d(u, v) <= min_z d(z, u) + d(z, v),
+  /// up to the error of the fields.
+  float LowerBound(VertexIndex u, VertexIndex v) const;
+  float UpperBound(VertexIndex u, VertexIndex v) const;
+
+  /// The `count` basis points (as numbers into points()) nearest to v, nearest
+  /// first, ties by number. The paper stores this order for every vertex; here
+  /// it is sorted when asked for, which saves 2 n |Z| bytes.
+  std::vector<int> Nearest(VertexIndex v, int count) const;
+
+  /// Mean distance of basis point z to all vertices it reaches.
+  float MeanDistance(int z) const;
+
+ private:
+  std::vector<VertexIndex> points_;
+  VertexIndex num_vertices_ = 0;
+  std::vector<float> fields_;  ///< n x |Z|, row by vertex
+};
+
+/// The environment of each basis point: the vertices among whose three nearest
+/// basis points it is (paper, Section 3.1, Figure 2). Each vertex is in exactly
+/// min(3, |Z|) environments.
+class Environments {
+ public:
+  /// Over `vertices` only; members are positions in that list.
+  Environments(const BasisPoints& basis,
+               absl::Span<const VertexIndex> vertices);
+
+  absl::Span<const std::int32_t> Members(int basis_point) const {
+    return absl::MakeConstSpan(members_).subspan(
+        first_[basis_point], first_[basis_point + 1] - first_[basis_point]);
+  }
+
+ private:
+  std::vector<std::int64_t> first_;
+  std::vector<std::int32_t> members_;
+};
+
+}  // namespace isomatch

@@ -1,0 +1,64 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "absl/strings/string_view.h"
+#include "core/mesh/triangle_mesh.h"
+
+namespace isomatch {
+
+/// What a vertex's index means, given that Draco may reorder vertices.
+enum class VertexOrder {
+  /// Vertex i is the i-th point of the decoded stream.
+  kDecoded,
+  /// A uint32 GENERIC attribute with metadata name=vertex_id gives each point
+  /// its index; points with equal ids are one vertex.
+  kIdAttribute,
+};
+
+/// Bounds on what a stream may make the decoder allocate.
+struct DracoLimits {
+  std::int64_t max_vertices = 5'000'000;
+  std::int64_t max_faces = 10'000'000;
+  /// Sum over all attributes of points x stride.
+  std::int64_t max_attribute_bytes = 512LL << 20;
+};
+
+/// Returns the mesh that `bytes` hold, its vertices numbered as `order` says.
+///
+/// Safe on hostile bytes: counts in the headers are compared with the limits
+/// and with the bytes that are there before anything is allocated for them.
+/// With kIdAttribute, `vertex_count` (when not 0) is the number of vertices of
+/// the result, of which those without a point are on no face and lie at the
+/// origin; with kDecoded it must equal the decoded count.
+///
+/// INVALID_ARGUMENT: not a Draco triangle mesh, over a limit, a face index out
+/// of range, no positions, no or bad ids, another vertex count.
+absl::StatusOr<TriangleMesh> DecodeDraco(absl::string_view bytes,
+                                         VertexOrder order,
+                                         std::int64_t vertex_count,
+                                         const DracoLimits& limits = {});
+
+/// A mesh as Draco bytes, and how they number its vertices.
+struct EncodedMesh {
+  std::string bytes;
+  VertexOrder vertex_order;
+};
+
+struct DracoOptions {
+  /// Bits of quantisation of each coordinate, 8 to 30; 0 keeps every bit of
+  /// the single-precision coordinates.
+  int position_bits = 0;
+};
+
+/// Returns `mesh` compressed: edgebreaker with a vertex_id attribute when every
+/// vertex is on a face, else sequential, which keeps order and isolated
+/// vertices. Decoding gives every vertex its index back in either case.
+/// Coordinates are rounded to single precision.
+/// REQUIRES: ValidateMesh(mesh). INTERNAL when Draco refuses.
+absl::StatusOr<EncodedMesh> EncodeDraco(const TriangleMesh& mesh,
+                                        const DracoOptions& options = {});
+
+}  // namespace isomatch

@@ -1,0 +1,100 @@
+#include "core/matching/annealing.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+#include <vector>
+
+namespace isomatch {
+namespace {
+
+/// Changes below this are rounding of single-precision sums, no improvement.
+constexpr double kRounding = 1e-5;
+
+/// The `count` largest entries of `closeness` other than `self` that `allowed`
+/// admits, in decreasing order, ties by index.
+template <typename Allowed>
+std::vector<int> Closest(const float* closeness, int size, int count,
+                         const Allowed& allowed) {
+  std::vector<std::pair<float, int>> closest;
+  for (int i = 0; i < size; ++i) {
+    if (allowed(i)) closest.emplace_back(-closeness[i], i);
+  }
+  const auto end =
+      closest.begin() + std::min<std::size_t>(count, closest.size());
+  std::partial_sort(closest.begin(), end, closest.end());
+  std::vector<int> result;
+  for (auto it = closest.begin(); it != end; ++it) result.push_back(it->second);
+  return result;
+}
+
+/// Draws swap partners.
+class PartnerSource {
+ public:
+  PartnerSource(const Matching& matching, int neighbors)
+      : size_(matching.size()) {
+    if (neighbors == 0) return;
+    std::vector<float> row(size_);
+    for (int i = 0; i < size_; ++i) {
+      for (int j = 0; j < size_; ++j) row[j] = matching.closeness(kX, i, j);
+      near_.push_back(
+          Closest(row.data(), size_, neighbors, [&](int j) { return j != i; }));
+    }
+  }
+
+  /// A match other than i. REQUIRES: at least two matches.
+  int Draw(int i, RandomStream* random) const {
+    if (!near_.empty()) return near_[i][random->Below(near_[i].size())];
+    const int j = random->Below(size_ - 1);
+    return j < i ? j : j + 1;
+  }
+
+ private:
+  int size_;
+  std::vector<std::vector<int>> near_;
+};
+
+}  // namespace
+
+SwapCounts SwapPhase(const SwapOptions& options, double temperature,
+                     RandomStream* random, Matching* matching) {
+  SwapCounts counts;
+  if (matching->size() < 2) return counts;
+  const PartnerSource partners(*matching, options.neighbors);
+  for (; counts.proposed < options.proposals; ++counts.proposed) {
+    const int i = random->Below(matching->size());
+    const int j = partners.Draw(i, random);
+    const double change = matching->SwapChange(i, j);
+    const bool accept =
+        change < -kRounding ||
+        (temperature > 0 && random->Unit() < std::exp(-change / temperature));
+    if (!accept) continue;
+    matching->Swap(i, j);
+    ++counts.accepted;
+  }
+  return counts;
+}
+
+int RelocationSweep(int neighbors, Matching* matching) {
+  int moves = 0;
+  const int pool_size = matching->pool(kY).size();
+  for (int i = 0; i < matching->size(); ++i) {
+    const std::vector<int> targets =
+        Closest(matching->Row(kY, i), pool_size, neighbors,
+                [&](int y) { return !matching->is_matched(kY, y); });
+    int best = -1;
+    double least = -kRounding;
+    for (const int y : targets) {
+      const double change = matching->RelocateChange(i, y);
+      if (change >= least) continue;
+      least = change;
+      best = y;
+    }
+    if (best < 0) continue;
+    matching->Relocate(i, best);
+    ++moves;
+  }
+  return moves;
+}
+
+}  // namespace isomatch

@@ -1,0 +1,60 @@
+#include "core/matching/closeness.h"
+
+#include <algorithm>
+#include <utility>
+
+#include <Eigen/Core>
+
+#include "core/base/parallel.h"
+#include "core/base/status_macros.h"
+
+namespace isomatch {
+
+float Closeness::operator()(VertexIndex u, VertexIndex v) const {
+  float closeness;
+  Row(u, {v}, &closeness);
+  return closeness;
+}
+
+void Closeness::Row(VertexIndex u, absl::Span<const VertexIndex> vertices,
+                    float* row) const {
+  for (std::size_t i = 0; i < vertices.size(); ++i) {
+    row[i] = basis_->LowerBound(u, vertices[i]);
+  }
+  // In whole aligned blocks: on a plain array, which entries take the vector
+  // path of exp, and so their last bits, would depend on its address.
+  using Block = Eigen::Array<float, 64, 1>;
+  Block block = Block::Zero();
+  for (std::size_t begin = 0; begin < vertices.size(); begin += block.size()) {
+    const std::size_t count =
+        std::min<std::size_t>(block.size(), vertices.size() - begin);
+    std::copy_n(row + begin, count, block.data());
+    block = (-inverse_width_ * block).exp();
+    std::copy_n(block.data(), count, row + begin);
+  }
+}
+
+absl::StatusOr<PointPool> PointPool::Create(const Closeness& closeness,
+                                            std::vector<VertexIndex> vertices,
+                                            const std::stop_token& stop) {
+  PointPool pool;
+  pool.closeness_ = &closeness;
+  pool.vertices_ = std::move(vertices);
+  if (pool.size() > kMaxTabulated) return pool;
+  pool.table_.resize(std::int64_t{pool.size()} * pool.size());
+  ISOMATCH_RETURN_IF_ERROR(
+      ParallelFor(pool.size(), stop, [&](std::int64_t point) {
+        closeness.Row(pool.vertices_[point], pool.vertices_,
+                      pool.table_.data() + point * pool.size());
+      }));
+  return pool;
+}
+
+const float* PointPool::Row(int point, std::vector<float>* storage) const {
+  if (!table_.empty()) return table_.data() + std::int64_t{point} * size();
+  storage->resize(vertices_.size());
+  closeness_->Row(vertices_[point], vertices_, storage->data());
+  return storage->data();
+}
+
+}  // namespace isomatch

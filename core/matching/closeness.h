@@ -1,0 +1,67 @@
+#pragma once
+
+#include <cstdint>
+#include <stop_token>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "absl/types/span.h"
+#include "core/base/vertex_index.h"
+#include "core/geodesic/basis_points.h"
+
+namespace isomatch {
+
+/// Eq. 5: k(u, v) = exp(-d(u, v) / width), in [0, 1], with the lower bound of
+/// Eq. 6 for d. With widths well below the diameter only near distances
+/// matter, and for those the lower bound is nearly exact (paper, Appendix A).
+///
+/// Thread-safe. Keeps a reference to `basis`.
+class Closeness {
+ public:
+  /// `width` in mesh units, > 0.
+  Closeness(const BasisPoints& basis, double width)
+      : basis_(&basis), inverse_width_(static_cast<float>(1 / width)) {}
+
+  /// k(u, v); 0 across components.
+  float operator()(VertexIndex u, VertexIndex v) const;
+
+  /// Writes k(u, v) for each v of `vertices`. Time O(vertices |Z|).
+  void Row(VertexIndex u, absl::Span<const VertexIndex> vertices,
+           float* row) const;
+
+  const BasisPoints& basis() const { return *basis_; }
+
+ private:
+  const BasisPoints* basis_;
+  float inverse_width_;
+};
+
+/// The vertices of one mesh that take part in seeds and first-stage insertion,
+/// and the closeness between them. Points are positions in vertices().
+///
+/// Memory: 4 P^2 bytes when tabulated, else O(P). Thread-safe once built.
+class PointPool {
+ public:
+  /// Pools up to this size keep a table of all their closeness values.
+  static constexpr int kMaxTabulated = 4096;
+
+  static absl::StatusOr<PointPool> Create(const Closeness& closeness,
+                                          std::vector<VertexIndex> vertices,
+                                          const std::stop_token& stop);
+
+  int size() const { return static_cast<int>(vertices_.size()); }
+  VertexIndex vertex(int point) const { return vertices_[point]; }
+  const std::vector<VertexIndex>& vertices() const { return vertices_; }
+  const Closeness& closeness() const { return *closeness_; }
+
+  /// Returns k(point, .) for all points of the pool: a row of the table, or
+  /// computed into `storage`.
+  const float* Row(int point, std::vector<float>* storage) const;
+
+ private:
+  const Closeness* closeness_ = nullptr;
+  std::vector<VertexIndex> vertices_;
+  std::vector<float> table_;  ///< P x P, or empty
+};
+
+}  // namespace isomatch

@@ -1,0 +1,51 @@
+#include "core/matching/dense_map.h"
+
+#include <algorithm>
+#include <vector>
+
+#include "core/base/nearest_columns.h"
+#include "core/base/parallel.h"
+#include "core/base/status_macros.h"
+
+namespace isomatch {
+namespace {
+
+constexpr std::int64_t kVerticesPerTask = 256;
+
+/// Closeness of every vertex, one a column, to the matched ones.
+absl::StatusOr<PointColumns> ClosenessColumns(
+    const Closeness& closeness, const std::vector<VertexIndex>& matched,
+    const std::stop_token& stop) {
+  const std::int64_t n = closeness.basis().num_vertices();
+  PointColumns columns(matched.size(), n);
+  ISOMATCH_RETURN_IF_ERROR(ParallelFor(
+      (n + kVerticesPerTask - 1) / kVerticesPerTask, stop,
+      [&](std::int64_t task) {
+        const std::int64_t end = std::min(n, (task + 1) * kVerticesPerTask);
+        for (std::int64_t v = task * kVerticesPerTask; v < end; ++v) {
+          closeness.Row(static_cast<VertexIndex>(v), matched,
+                        columns.col(v).data());
+        }
+      }));
+  return columns;
+}
+
+}  // namespace
+
+absl::StatusOr<VertexMap> DenseMapFromMatches(
+    const Closeness& closeness_x, const Closeness& closeness_y,
+    absl::Span<const VertexMatch> matches, const std::stop_token& stop) {
+  std::vector<VertexIndex> matched_x;
+  std::vector<VertexIndex> matched_y;
+  for (const VertexMatch& match : matches) {
+    matched_x.push_back(match.x);
+    matched_y.push_back(match.y);
+  }
+  ISOMATCH_ASSIGN_OR_RETURN(const PointColumns columns_x,
+                            ClosenessColumns(closeness_x, matched_x, stop));
+  ISOMATCH_ASSIGN_OR_RETURN(const PointColumns columns_y,
+                            ClosenessColumns(closeness_y, matched_y, stop));
+  return NearestColumns(columns_x, columns_y, stop);
+}
+
+}  // namespace isomatch

@@ -1,0 +1,26 @@
+#pragma once
+
+#include <functional>
+#include <stop_token>
+
+#include "absl/status/statusor.h"
+#include "absl/types/span.h"
+#include "core/base/vertex_index.h"
+#include "core/matching/closeness.h"
+
+namespace isomatch {
+
+/// Returns the map that sends each vertex of X to the vertex of Y whose
+/// closeness to all matched vertices is most alike,
+///   argmin_y sum_i (k_X(x, x_i) - k_Y(y, y_i))^2,
+/// ties by smallest index: Eq. 8 over the sparse matches with squares for
+/// magnitudes, which makes it a nearest neighbour search. Dense, not injective.
+/// Takes the place of the paper's second stage in the default profile.
+///
+/// REQUIRES: at least one match. Time O(n_X n_Y matches), memory 4 (n_X + n_Y)
+/// matches bytes. CANCELLED after `stop`.
+absl::StatusOr<VertexMap> DenseMapFromMatches(
+    const Closeness& closeness_x, const Closeness& closeness_y,
+    absl::Span<const VertexMatch> matches, const std::stop_token& stop);
+
+}  // namespace isomatch

@@ -1,0 +1,145 @@
+#include "core/matching/matching.h"
+
+#include <cassert>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+namespace isomatch {
+
+Matching::Matching(const PointPool& pool_x, const PointPool& pool_y,
+                   int capacity)
+    : pools_{&pool_x, &pool_y}, capacity_(capacity) {
+  for (const Side side : {kX, kY}) {
+    row_storage_[side].resize(capacity);
+    closeness_[side].setZero(capacity, capacity);
+    is_matched_[side].assign(pools_[side]->size(), false);
+    coverage_[side].setZero(pools_[side]->size());
+  }
+}
+
+std::vector<PointMatch> Matching::Matches() const {
+  std::vector<PointMatch> matches;
+  for (int i = 0; i < size(); ++i) {
+    matches.push_back({points_[kX][i], points_[kY][i]});
+  }
+  return matches;
+}
+
+void Matching::SetPoint(Side side, int i, int point) {
+  points_[side][i] = point;
+  is_matched_[side][point] = true;
+  rows_[side][i] = pools_[side]->Row(point, &row_storage_[side][i]);
+  for (int j = 0; j < size(); ++j) {
+    const float value = rows_[side][i][points_[side][j]];
+    closeness_[side](i, j) = value;
+    closeness_[side](j, i) = value;
+  }
+  CoverBy(side, rows_[side][i]);
+}
+
+void Matching::CoverBy(Side side, const float* row) {
+  coverage_[side] = coverage_[side].max(
+      Eigen::Map<const Eigen::ArrayXf>(row, pools_[side]->size()));
+}
+
+void Matching::Add(PointMatch match) {
+  assert(size() < capacity_);
+  assert(!is_matched_[kX][match.x] && !is_matched_[kY][match.y]);
+  const int i = size();
+  for (const Side side : {kX, kY}) {
+    points_[side].push_back(kNoVertex);
+    rows_[side].push_back(nullptr);
+    points_[side][i] = side == kX ? match.x : match.y;
+  }
+  SetPoint(kX, i, match.x);
+  SetPoint(kY, i, match.y);
+}
+
+int Matching::FarthestUnmatched(Side side) const {
+  int farthest = -1;
+  float least = std::numeric_limits<float>::infinity();
+  for (int p = 0; p < pools_[side]->size(); ++p) {
+    if (is_matched_[side][p] || coverage_[side][p] >= least) continue;
+    least = coverage_[side][p];
+    farthest = p;
+  }
+  return farthest;
+}
+
+void Matching::EmbeddingErrors(Side side, int point,
+                               const std::vector<int>& candidates,
+                               std::vector<float>* errors) const {
+  errors->assign(candidates.size(), 0);
+  for (int i = 0; i < size(); ++i) {
+    const float wanted = rows_[side][i][point];
+    const float* const row = rows_[Other(side)][i];
+    for (std::size_t c = 0; c < candidates.size(); ++c) {
+      (*errors)[c] += std::abs(wanted - row[candidates[c]]);
+    }
+  }
+}
+
+void Matching::EmbeddingErrors(Side side, int point,
+                               std::vector<float>* errors) const {
+  const int count = pools_[Other(side)]->size();
+  errors->assign(count, 0);
+  Eigen::Map<Eigen::ArrayXf> sums(errors->data(), count);
+  for (int i = 0; i < size(); ++i) {
+    const float wanted = rows_[side][i][point];
+    sums += (Eigen::Map<const Eigen::ArrayXf>(rows_[Other(side)][i], count) -
+             wanted)
+                .abs();
+  }
+}
+
+double Matching::SwapChange(int i, int j) const {
+  const int n = size();
+  const auto x_i = closeness_[kX].row(i).head(n);
+  const auto x_j = closeness_[kX].row(j).head(n);
+  const auto y_i = closeness_[kY].row(i).head(n);
+  const auto y_j = closeness_[kY].row(j).head(n);
+  const auto change = (x_i - y_j).abs() + (x_j - y_i).abs() -
+                      (x_i - y_i).abs() - (x_j - y_j).abs();
+  // The pair (i, j) itself keeps its two values, so its terms do not count.
+  const float own = change.coeff(i) + change.coeff(j);
+  return 2.0 * (double{change.sum()} - own);
+}
+
+void Matching::Swap(int i, int j) {
+  std::swap(points_[kY][i], points_[kY][j]);
+  std::swap(rows_[kY][i], rows_[kY][j]);
+  std::swap(row_storage_[kY][i], row_storage_[kY][j]);
+  Table& table = closeness_[kY];
+  table.row(i).swap(table.row(j));
+  table.col(i).swap(table.col(j));
+}
+
+double Matching::RelocateChange(int i, int y) const {
+  float change = 0;
+  for (int j = 0; j < size(); ++j) {
+    if (j == i) continue;
+    const float wanted = closeness_[kX](i, j);
+    change += std::abs(wanted - rows_[kY][j][y]) -
+              std::abs(wanted - closeness_[kY](i, j));
+  }
+  return 2.0 * change;
+}
+
+void Matching::Relocate(int i, int y) {
+  is_matched_[kY][points_[kY][i]] = false;
+  SetPoint(kY, i, y);
+}
+
+double Matching::Energy() const {
+  const int n = size();
+  double energy = 0;
+  for (int i = 0; i < n; ++i) {
+    energy += (closeness_[kX].row(i).head(n) - closeness_[kY].row(i).head(n))
+                  .abs()
+                  .sum();
+  }
+  return energy;
+}
+
+}  // namespace isomatch

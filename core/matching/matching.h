@@ -1,0 +1,106 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "core/matching/closeness.h"
+
+namespace isomatch {
+
+/// Which of the two shapes.
+enum Side { kX = 0, kY = 1 };
+inline Side Other(Side side) { return side == kX ? kY : kX; }
+
+/// One match between points of two pools.
+struct PointMatch {
+  int x;
+  int y;
+  bool operator==(const PointMatch&) const = default;
+};
+
+/// A partial injective map between two pools that grows match by match and can
+/// be changed: the state of the first stage (paper, Section 3.2). Keeps the
+/// closeness of every match to every other on both sides, so that a change is
+/// judged in O(size) without touching geodesics.
+///
+/// Energy: Eq. 8 summed over all ordered pairs of matches,
+///   E = sum_{i != j} |k_X(x_i, x_j) - k_Y(y_i, y_j)|.
+///
+/// Memory: 8 capacity^2 + 16 P bytes, and 8 P capacity when the pools are not
+/// tabulated. Not thread-safe. Keeps references to the pools.
+class Matching {
+ public:
+  Matching(const PointPool& pool_x, const PointPool& pool_y, int capacity);
+  // Rows point into the matching's own storage: it moves, but is not copied.
+  Matching(const Matching&) = delete;
+  Matching& operator=(const Matching&) = delete;
+  Matching(Matching&&) = default;
+  Matching& operator=(Matching&&) = default;
+
+  int size() const { return static_cast<int>(points_[kX].size()); }
+  int capacity() const { return capacity_; }
+  const PointPool& pool(Side side) const { return *pools_[side]; }
+
+  /// The point of match `i` on a side.
+  int point(Side side, int i) const { return points_[side][i]; }
+  bool is_matched(Side side, int point) const {
+    return is_matched_[side][point];
+  }
+  std::vector<PointMatch> Matches() const;
+
+  /// Closeness between the points of matches i and j.
+  float closeness(Side side, int i, int j) const {
+    return closeness_[side](i, j);
+  }
+  /// Closeness of the point of match `i` to all points of its pool.
+  const float* Row(Side side, int i) const { return rows_[side][i]; }
+
+  /// REQUIRES: both points unmatched, size() < capacity().
+  void Add(PointMatch match);
+
+  /// The unmatched point farthest from all matched ones; ties by smallest
+  /// index; -1 when all are matched. Eq. 5 falls with distance, so this is
+  /// farthest point sampling with respect to the matches (Section 3.3.1).
+  int FarthestUnmatched(Side side) const;
+
+  /// Eq. 8 for matching `point` of `side` with each of `candidates` on the
+  /// other side: errors[c] = sum_i |k(point, point_i) - k(candidate_c,
+  /// image_i)|. Time O(size candidates).
+  void EmbeddingErrors(Side side, int point, const std::vector<int>& candidates,
+                       std::vector<float>* errors) const;
+  /// The same for all points of the other pool.
+  void EmbeddingErrors(Side side, int point, std::vector<float>* errors) const;
+
+  /// Change of the energy if matches i and j exchanged their images on Y.
+  double SwapChange(int i, int j) const;
+  void Swap(int i, int j);
+
+  /// Change of the energy if match i went to the unmatched point `y`.
+  double RelocateChange(int i, int y) const;
+  void Relocate(int i, int y);
+
+  /// The energy, evaluated in full: O(size^2).
+  double Energy() const;
+
+ private:
+  using Table =
+      Eigen::Array<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
+  void SetPoint(Side side, int i, int point);
+  void CoverBy(Side side, const float* row);
+
+  std::array<const PointPool*, 2> pools_;
+  int capacity_;
+  std::array<std::vector<int>, 2> points_;  ///< of each match
+  std::array<std::vector<const float*>, 2> rows_;
+  std::array<std::vector<std::vector<float>>, 2> row_storage_;
+  std::array<Table, 2> closeness_;  ///< capacity x capacity, by match
+  std::array<std::vector<char>, 2> is_matched_;  ///< of each point
+  /// Closeness of each point to the nearest match there has been.
+  std::array<Eigen::ArrayXf, 2> coverage_;
+};
+
+}  // namespace isomatch

@@ -1,0 +1,39 @@
+#pragma once
+
+#include "core/matching/matching.h"
+#include "core/mesh/triangle_mesh.h"
+
+namespace isomatch {
+
+/// What is known of the surface at a pool's points.
+struct PointFrames {
+  Positions positions;         ///< P x 3, mesh units
+  Positions normals;           ///< P x 3, unit, outward
+  Eigen::VectorXd curvatures;  ///< P, mean curvature, 1 / mesh units
+};
+
+/// Returns the rows of `positions`, `normals` and `curvatures` that belong to
+/// the pool.
+PointFrames GatherFrames(const Positions& positions, const Positions& normals,
+                         const Eigen::VectorXd& curvatures,
+                         const PointPool& pool);
+
+/// Tells a map from its mirror image. For each match a and each two (b, c) of
+/// its 6 nearest matches: whether b and c lie on the same side of each other
+/// around a's outward normal on both shapes, n_a . (ab x ac) on X times the
+/// same on Y, summed and divided by the sum of magnitudes.
+///
+/// In [-1, 1]: near 1 when orientation is kept, near -1 for a mirrored map; 0
+/// with fewer than 3 matches. It cannot see orientation-preserving symmetries.
+/// Not in the paper.
+double OrientationScore(const Matching& matching, const PointFrames& frames_x,
+                        const PointFrames& frames_y);
+
+/// Mean over the matches of the difference of mean curvature, 1 / mesh units.
+/// It tells a map from one that intrinsic distances and orientation cannot: the
+/// half turn of a body that swaps front with back and left with right. 0
+/// without matches. Not in the paper.
+double CurvatureMismatch(const Matching& matching, const PointFrames& frames_x,
+                         const PointFrames& frames_y);
+
+}  // namespace isomatch

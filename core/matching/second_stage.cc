@@ -1,0 +1,167 @@
+#include "core/matching/second_stage.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "core/base/parallel.h"
+#include "core/base/status_macros.h"
+
+namespace isomatch {
+namespace {
+
+/// Step 3: basis points added when there is no candidate.
+constexpr int kGrowth = 3;
+/// Insertions between two progress reports.
+constexpr int kReportEvery = 64;
+
+/// Vertices of X without a match, in random order.
+std::vector<VertexIndex> ShuffledUnmatched(const VertexMap& y_from_x,
+                                           RandomStream* random) {
+  std::vector<VertexIndex> unmatched;
+  for (std::size_t x = 0; x < y_from_x.size(); ++x) {
+    if (y_from_x[x] == kNoVertex) {
+      unmatched.push_back(static_cast<VertexIndex>(x));
+    }
+  }
+  for (std::size_t i = unmatched.size(); i > 1; --i) {
+    std::swap(unmatched[i - 1], unmatched[random->Below(i)]);
+  }
+  return unmatched;
+}
+
+/// A matched vertex of X near the one being inserted.
+struct Anchor {
+  float closeness;
+  VertexIndex x;
+};
+
+class SecondStage {
+ public:
+  SecondStage(const HashedShape& shape_x, const HashedShape& shape_y,
+              const SecondStageOptions& options, PartialVertexMap* map)
+      : shape_x_(shape_x),
+        shape_y_(shape_y),
+        options_(options),
+        map_(*map),
+        is_candidate_(map->x_from_y.size(), false) {}
+
+  /// Matches one vertex; false when Y has no unmatched vertex left.
+  bool Insert(VertexIndex x) {
+    const int most = std::max(shape_x_.closeness.basis().num_points(),
+                              shape_y_.closeness.basis().num_points());
+    for (int count = kGrowth;; count += kGrowth) {
+      const std::vector<Anchor> anchors = MatchedNear(x, count);
+      const std::vector<VertexIndex> candidates = Candidates(anchors, count);
+      if (!candidates.empty()) {
+        map_.Set(x, Best(anchors, candidates));
+        return true;
+      }
+      if (count >= most) return false;
+    }
+  }
+
+ private:
+  /// ME_X(x), the nearest max_matched of them, nearest first.
+  std::vector<Anchor> MatchedNear(VertexIndex x, int count) const {
+    std::vector<VertexIndex> matched;
+    for (const VertexIndex v : MergedEnvironment(shape_x_, x, count)) {
+      if (map_.y_from_x[v] != kNoVertex) matched.push_back(v);
+    }
+    std::vector<float> closeness(matched.size());
+    shape_x_.closeness.Row(x, matched, closeness.data());
+    std::vector<Anchor> anchors;
+    for (std::size_t i = 0; i < matched.size(); ++i) {
+      anchors.push_back({closeness[i], matched[i]});
+    }
+    const auto end =
+        anchors.begin() +
+        std::min<std::size_t>(options_.max_matched, anchors.size());
+    std::partial_sort(anchors.begin(), end, anchors.end(),
+                      [](const Anchor& a, const Anchor& b) {
+                        return std::pair(-a.closeness, a.x) <
+                               std::pair(-b.closeness, b.x);
+                      });
+    anchors.erase(end, anchors.end());
+    return anchors;
+  }
+
+  /// Union of UE_Y over the anchors' images, up to max_candidates.
+  std::vector<VertexIndex> Candidates(const std::vector<Anchor>& anchors,
+                                      int count) {
+    std::vector<VertexIndex> candidates;
+    for (const Anchor& anchor : anchors) {
+      for (const VertexIndex y :
+           MergedEnvironment(shape_y_, map_.y_from_x[anchor.x], count)) {
+        if (map_.x_from_y[y] != kNoVertex || is_candidate_[y]) continue;
+        is_candidate_[y] = true;
+        candidates.push_back(y);
+      }
+      if (static_cast<int>(candidates.size()) >= options_.max_candidates) break;
+    }
+    for (const VertexIndex y : candidates) is_candidate_[y] = false;
+    std::sort(candidates.begin(), candidates.end());
+    return candidates;
+  }
+
+  /// The candidate of least Eq. 8 over the anchors; ties by smallest vertex.
+  VertexIndex Best(const std::vector<Anchor>& anchors,
+                   const std::vector<VertexIndex>& candidates) const {
+    std::vector<float> errors(candidates.size(), 0);
+    std::vector<float> row(candidates.size());
+    for (const Anchor& anchor : anchors) {
+      shape_y_.closeness.Row(map_.y_from_x[anchor.x], candidates, row.data());
+      for (std::size_t c = 0; c < candidates.size(); ++c) {
+        errors[c] += std::abs(anchor.closeness - row[c]);
+      }
+    }
+    const auto best = std::min_element(errors.begin(), errors.end());
+    return candidates[best - errors.begin()];
+  }
+
+  const HashedShape& shape_x_;
+  const HashedShape& shape_y_;
+  const SecondStageOptions& options_;
+  PartialVertexMap& map_;
+  std::vector<char> is_candidate_;
+};
+
+}  // namespace
+
+std::vector<VertexIndex> MergedEnvironment(const HashedShape& shape,
+                                           VertexIndex v, int count) {
+  std::vector<VertexIndex> merged;
+  for (const int z : shape.closeness.basis().Nearest(v, count)) {
+    const auto members = shape.environments.Members(z);
+    merged.insert(merged.end(), members.begin(), members.end());
+  }
+  std::sort(merged.begin(), merged.end());
+  merged.erase(std::unique(merged.begin(), merged.end()), merged.end());
+  return merged;
+}
+
+absl::Status RunSecondStage(const HashedShape& shape_x,
+                            const HashedShape& shape_y,
+                            const SecondStageOptions& options,
+                            RandomStream* random,
+                            const std::function<void(double)>& progress,
+                            const std::stop_token& stop,
+                            PartialVertexMap* map) {
+  const std::vector<VertexIndex> order =
+      ShuffledUnmatched(map->y_from_x, random);
+  const std::size_t smaller =
+      std::min(map->y_from_x.size(), map->x_from_y.size());
+  const std::size_t matched = map->y_from_x.size() - order.size();
+  const auto wanted = static_cast<std::size_t>(options.fraction * smaller);
+  const std::size_t count = wanted > matched ? wanted - matched : 0;
+  SecondStage stage(shape_x, shape_y, options, map);
+  for (std::size_t i = 0; i < count; ++i) {
+    ISOMATCH_RETURN_IF_ERROR(CheckNotCancelled(stop));
+    if (!stage.Insert(order[i])) break;
+    if (progress && i % kReportEvery == 0) progress(double(i + 1) / count);
+  }
+  return CheckNotCancelled(stop);
+}
+
+}  // namespace isomatch

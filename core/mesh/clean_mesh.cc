@@ -1,0 +1,257 @@
+#include "core/mesh/clean_mesh.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numeric>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "core/mesh/mesh_geometry.h"
+#include "core/mesh/topology.h"
+
+namespace isomatch {
+namespace {
+
+/// Vertices at the rim of some face's neighbourhood: those that may be one end
+/// of a seam.
+std::vector<char> OnBoundary(const TriangleMesh& mesh) {
+  const EdgeFaces edges(mesh.faces);
+  std::vector<char> on_boundary(mesh.num_vertices(), false);
+  for (VertexIndex f = 0; f < mesh.num_faces(); ++f) {
+    for (int corner = 0; corner < 3; ++corner) {
+      if (edges.Opposite(f, corner).face != kNoVertex) continue;
+      on_boundary[mesh.faces(f, corner)] = true;
+      on_boundary[mesh.faces(f, (corner + 1) % 3)] = true;
+    }
+  }
+  return on_boundary;
+}
+
+/// For each vertex the smallest vertex that is the same point: of the same
+/// coordinates, both on a boundary. Where closed surfaces merely touch, as
+/// fingers do, they stay apart.
+VertexMap WeldSeams(const TriangleMesh& mesh) {
+  const Positions& positions = mesh.positions;
+  const std::vector<char> on_boundary = OnBoundary(mesh);
+  VertexMap welded(positions.rows());
+  std::iota(welded.begin(), welded.end(), 0);
+  VertexMap order;
+  for (const VertexIndex v : welded) {
+    if (on_boundary[v]) order.push_back(v);
+  }
+  const auto key = [&](VertexIndex v) {
+    return std::array<double, 3>{positions(v, 0), positions(v, 1),
+                                 positions(v, 2)};
+  };
+  std::sort(order.begin(), order.end(), [&](VertexIndex a, VertexIndex b) {
+    return std::pair(key(a), a) < std::pair(key(b), b);
+  });
+  for (std::size_t i = 1; i < order.size(); ++i) {
+    if (key(order[i]) == key(order[i - 1])) {
+      welded[order[i]] = welded[order[i - 1]];
+    }
+  }
+  return welded;
+}
+
+/// Volume, in units of area^1.5, below which its sign is rounding.
+constexpr double kFlat = 1e-6;
+
+/// A face as a set of vertices, to find repetitions.
+struct FaceKey {
+  std::array<VertexIndex, 3> sorted;
+  VertexIndex face;
+  auto operator<=>(const FaceKey&) const = default;
+};
+
+/// Marks faces that repeat a vertex or an earlier face.
+std::vector<bool> Superfluous(const Faces& faces) {
+  std::vector<bool> superfluous(faces.rows(), false);
+  std::vector<FaceKey> keys(faces.rows());
+  for (VertexIndex f = 0; f < faces.rows(); ++f) {
+    keys[f] = {{faces(f, 0), faces(f, 1), faces(f, 2)}, f};
+    std::sort(keys[f].sorted.begin(), keys[f].sorted.end());
+  }
+  std::sort(keys.begin(), keys.end());
+  for (std::size_t i = 0; i < keys.size(); ++i) {
+    const auto& [a, b, c] = keys[i].sorted;
+    const bool repeats = i > 0 && keys[i].sorted == keys[i - 1].sorted;
+    superfluous[keys[i].face] = a == b || b == c || repeats;
+  }
+  return superfluous;
+}
+
+/// Faces over welded vertices, without superfluous ones; `dropped` counts
+/// those.
+Faces WeldedFaces(const Faces& faces, const VertexMap& welded,
+                  VertexIndex* dropped) {
+  Faces kept = faces;
+  for (Eigen::Index i = 0; i < kept.size(); ++i) {
+    kept.data()[i] = welded[kept.data()[i]];
+  }
+  const std::vector<bool> superfluous = Superfluous(kept);
+  Eigen::Index count = 0;
+  for (Eigen::Index f = 0; f < kept.rows(); ++f) {
+    if (superfluous[f]) continue;
+    if (f != count) kept.row(count) = kept.row(f);
+    ++count;
+  }
+  *dropped = static_cast<VertexIndex>(faces.rows() - count);
+  return kept.topRows(count);
+}
+
+/// Renumbers the vertices that are on a face, in their old order.
+void Compact(const TriangleMesh& mesh, const VertexMap& welded,
+             CleanMesh* clean) {
+  Faces& faces = clean->mesh.faces;
+  VertexMap new_from_old(mesh.num_vertices(), kNoVertex);
+  for (Eigen::Index i = 0; i < faces.size(); ++i) {
+    new_from_old[faces.data()[i]] = 0;
+  }
+  for (VertexIndex v = 0; v < mesh.num_vertices(); ++v) {
+    if (new_from_old[v] == kNoVertex) continue;
+    new_from_old[v] =
+        static_cast<VertexIndex>(clean->original_from_clean.size());
+    clean->original_from_clean.push_back(v);
+  }
+  for (Eigen::Index i = 0; i < faces.size(); ++i) {
+    faces.data()[i] = new_from_old[faces.data()[i]];
+  }
+  clean->clean_from_original.resize(mesh.num_vertices());
+  for (VertexIndex v = 0; v < mesh.num_vertices(); ++v) {
+    clean->clean_from_original[v] = new_from_old[welded[v]];
+  }
+  clean->mesh.positions.resize(clean->original_from_clean.size(), 3);
+  for (std::size_t v = 0; v < clean->original_from_clean.size(); ++v) {
+    clean->mesh.positions.row(v) =
+        mesh.positions.row(clean->original_from_clean[v]);
+  }
+}
+
+/// Flood fill of one patch of faces that hang together over manifold edges.
+class PatchOrienter {
+ public:
+  PatchOrienter(const EdgeFaces& edges, TriangleMesh* mesh)
+      : edges_(edges),
+        mesh_(*mesh),
+        visited_(mesh->num_faces(), false),
+        flip_(mesh->num_faces(), false) {}
+
+  bool visited(VertexIndex face) const { return visited_[face]; }
+  bool consistent() const { return consistent_; }
+  VertexIndex flipped() const { return flipped_; }
+
+  /// Orients the patch of `seed` like `seed`, then outwards.
+  void OrientPatch(VertexIndex seed) {
+    CollectPatch(seed);
+    Eigen::RowVector3d center = Eigen::RowVector3d::Zero();
+    for (const VertexIndex f : patch_) {
+      center += mesh_.positions.row(mesh_.faces(f, 0)) / double(patch_.size());
+    }
+    double volume = 0;
+    double area = 0;
+    for (const VertexIndex f : patch_) {
+      volume += (flip_[f] ? -1 : 1) * SignedVolume6(mesh_, f, center);
+      area += FaceArea(mesh_, f);
+    }
+    // A flat sheet encloses nothing: it keeps the file's orientation.
+    const bool inside_out = volume < -kFlat * area * std::sqrt(area);
+    for (const VertexIndex f : patch_) {
+      if (flip_[f] == inside_out) continue;
+      std::swap(mesh_.faces(f, 1), mesh_.faces(f, 2));
+      ++flipped_;
+    }
+  }
+
+ private:
+  void CollectPatch(VertexIndex seed) {
+    patch_.assign(1, seed);
+    visited_[seed] = true;
+    for (std::size_t i = 0; i < patch_.size(); ++i) {
+      for (int corner = 0; corner < 3; ++corner) Visit(patch_[i], corner);
+    }
+  }
+
+  void Visit(VertexIndex face, int corner) {
+    const EdgeFaces::Side other = edges_.Opposite(face, corner);
+    if (other.face == kNoVertex) return;
+    // Faces agree when they run through their edge in opposite directions.
+    const bool same_direction =
+        mesh_.faces(face, corner) == mesh_.faces(other.face, other.corner);
+    const bool flip = flip_[face] != same_direction;
+    if (visited_[other.face]) {
+      if (flip_[other.face] != flip) consistent_ = false;
+      return;
+    }
+    visited_[other.face] = true;
+    flip_[other.face] = flip;
+    patch_.push_back(other.face);
+  }
+
+  const EdgeFaces& edges_;
+  TriangleMesh& mesh_;
+  std::vector<bool> visited_;
+  std::vector<bool> flip_;
+  std::vector<VertexIndex> patch_;
+  bool consistent_ = true;
+  VertexIndex flipped_ = 0;
+};
+
+void OrientOutwards(CleanMesh* clean) {
+  const EdgeFaces edges(clean->mesh.faces);
+  PatchOrienter orienter(edges, &clean->mesh);
+  for (VertexIndex f = 0; f < clean->mesh.num_faces(); ++f) {
+    if (!orienter.visited(f)) orienter.OrientPatch(f);
+  }
+  clean->oriented = orienter.consistent();
+  const auto warn = [&](const std::string& text) {
+    clean->warnings.push_back(text);
+  };
+  if (!clean->oriented) warn("the surface has no consistent orientation");
+  if (orienter.flipped() > 0) {
+    warn(absl::StrCat(orienter.flipped(), " faces turned to point outwards"));
+  }
+  if (edges.nonmanifold_edges() > 0) {
+    warn(absl::StrCat(edges.nonmanifold_edges(), " non-manifold edges"));
+  }
+  if (edges.boundary_edges() > 0) {
+    warn(absl::StrCat("open surface, ", edges.boundary_edges(),
+                      " boundary edges"));
+  }
+}
+
+void WarnOfVertices(const VertexMap& welded, VertexIndex dropped_faces,
+                    CleanMesh* clean) {
+  VertexIndex duplicates = 0;
+  VertexIndex isolated = 0;
+  for (std::size_t v = 0; v < welded.size(); ++v) {
+    const bool on_face = clean->clean_from_original[v] != kNoVertex;
+    isolated += !on_face;
+    duplicates += on_face && welded[v] != static_cast<VertexIndex>(v);
+  }
+  const auto warn = [&](VertexIndex count, const char* text) {
+    if (count > 0) clean->warnings.push_back(absl::StrCat(count, text));
+  };
+  warn(duplicates,
+       " vertices along seams coincide with others and were joined");
+  warn(isolated, " vertices are on no face and stay unmatched");
+  warn(dropped_faces, " degenerate or repeated faces left out");
+  const int components = ConnectedComponents(clean->mesh).count;
+  if (components > 1) warn(components, " separate components");
+}
+
+}  // namespace
+
+CleanMesh Clean(const TriangleMesh& mesh) {
+  CleanMesh clean;
+  const VertexMap welded = WeldSeams(mesh);
+  VertexIndex dropped = 0;
+  clean.mesh.faces = WeldedFaces(mesh.faces, welded, &dropped);
+  Compact(mesh, welded, &clean);
+  WarnOfVertices(welded, dropped, &clean);
+  OrientOutwards(&clean);
+  return clean;
+}
+
+}  // namespace isomatch

@@ -1,0 +1,66 @@
+#include "core/mesh/mesh_geometry.h"
+
+#include <Eigen/Geometry>
+
+namespace isomatch {
+namespace {
+
+/// Normal of a face, twice its area long.
+Eigen::RowVector3d DoubleAreaNormal(const TriangleMesh& mesh,
+                                    VertexIndex face) {
+  const Eigen::RowVector3d a = mesh.positions.row(mesh.faces(face, 0));
+  const Eigen::RowVector3d b = mesh.positions.row(mesh.faces(face, 1));
+  const Eigen::RowVector3d c = mesh.positions.row(mesh.faces(face, 2));
+  return (b - a).cross(c - a);
+}
+
+}  // namespace
+
+double FaceArea(const TriangleMesh& mesh, VertexIndex face) {
+  return 0.5 * DoubleAreaNormal(mesh, face).norm();
+}
+
+double SurfaceArea(const TriangleMesh& mesh) {
+  double area = 0;
+  for (VertexIndex f = 0; f < mesh.num_faces(); ++f) {
+    area += FaceArea(mesh, f);
+  }
+  return area;
+}
+
+Positions VertexNormals(const TriangleMesh& mesh) {
+  Positions normals = Positions::Zero(mesh.num_vertices(), 3);
+  for (VertexIndex f = 0; f < mesh.num_faces(); ++f) {
+    const Eigen::RowVector3d normal = DoubleAreaNormal(mesh, f);
+    for (int corner = 0; corner < 3; ++corner) {
+      normals.row(mesh.faces(f, corner)) += normal;
+    }
+  }
+  for (VertexIndex v = 0; v < mesh.num_vertices(); ++v) {
+    const double length = normals.row(v).norm();
+    if (length > 0) normals.row(v) /= length;
+  }
+  return normals;
+}
+
+double SignedVolume6(const TriangleMesh& mesh, VertexIndex face,
+                     const Eigen::RowVector3d& origin) {
+  const Eigen::RowVector3d a = mesh.positions.row(mesh.faces(face, 0)) - origin;
+  const Eigen::RowVector3d b = mesh.positions.row(mesh.faces(face, 1)) - origin;
+  const Eigen::RowVector3d c = mesh.positions.row(mesh.faces(face, 2)) - origin;
+  return a.dot(b.cross(c));
+}
+
+double MeanEdgeLength(const TriangleMesh& mesh) {
+  double sum = 0;
+  for (VertexIndex f = 0; f < mesh.num_faces(); ++f) {
+    for (int corner = 0; corner < 3; ++corner) {
+      sum += (mesh.positions.row(mesh.faces(f, corner)) -
+              mesh.positions.row(mesh.faces(f, (corner + 1) % 3)))
+                 .norm();
+    }
+  }
+  return mesh.num_faces() > 0 ? sum / (3.0 * mesh.num_faces()) : 0;
+}
+
+}  // namespace isomatch

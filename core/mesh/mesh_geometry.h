@@ -1,0 +1,27 @@
+#pragma once
+
+#include <Eigen/Core>
+
+#include "core/mesh/triangle_mesh.h"
+
+namespace isomatch {
+
+/// Area of one face, squared mesh units.
+double FaceArea(const TriangleMesh& mesh, VertexIndex face);
+
+/// Sum of the areas of all faces, squared mesh units.
+double SurfaceArea(const TriangleMesh& mesh);
+
+/// Returns n x 3 unit vectors: at each vertex the normalised sum of its faces'
+/// normals weighted by area. Zero where the faces cancel out or there are none.
+Positions VertexNormals(const TriangleMesh& mesh);
+
+/// Six times the oriented volume between face `face` and `origin`.
+double SignedVolume6(const TriangleMesh& mesh, VertexIndex face,
+                     const Eigen::RowVector3d& origin);
+
+/// Mean length over the edges of all faces (an edge of two faces counts
+/// twice), mesh units. 0 without faces.
+double MeanEdgeLength(const TriangleMesh& mesh);
+
+}  // namespace isomatch

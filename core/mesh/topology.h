@@ -1,0 +1,48 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "core/mesh/triangle_mesh.h"
+
+namespace isomatch {
+
+/// The faces at each edge.
+///
+/// Time and memory O(m).
+class EdgeFaces {
+ public:
+  explicit EdgeFaces(const Faces& faces);
+
+  /// Side `corner` of face `face` runs from its vertex `corner` to the next.
+  struct Side {
+    VertexIndex face;
+    int corner;
+  };
+
+  /// Returns the side of the other face at this edge when exactly two faces
+  /// meet there; {kNoVertex, 0} at a boundary or a non-manifold edge.
+  Side Opposite(VertexIndex face, int corner) const {
+    const std::int64_t other = opposite_[3 * std::int64_t{face} + corner];
+    if (other < 0) return {kNoVertex, 0};
+    return {static_cast<VertexIndex>(other / 3), static_cast<int>(other % 3)};
+  }
+
+  int boundary_edges() const { return boundary_edges_; }
+  int nonmanifold_edges() const { return nonmanifold_edges_; }
+
+ private:
+  std::vector<std::int64_t> opposite_;  ///< 3 face + corner, or -1
+  int boundary_edges_ = 0;
+  int nonmanifold_edges_ = 0;
+};
+
+/// Number of connected components (over shared vertices) and the component of
+/// each vertex, numbered by smallest vertex.
+struct Components {
+  int count = 0;
+  std::vector<int> of_vertex;
+};
+Components ConnectedComponents(const TriangleMesh& mesh);
+
+}  // namespace isomatch

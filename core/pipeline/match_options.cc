@@ -1,0 +1,111 @@
+#include "core/pipeline/match_options.h"
+
+#include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
+
+namespace isomatch {
+namespace {
+
+template <typename T>
+absl::Status InRange(const char* field, T value, T low, T high) {
+  if (value >= low && value <= high) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrCat(
+      "options.", field, ": ", value, ", expected ", low, " to ", high));
+}
+
+absl::Status ValidateRounds(const MatchOptions& options) {
+  int matches = options.seed_matches;
+  for (const SelectionRound& round : options.selection_rounds) {
+    if (round.matches <= matches || round.keep < 1) {
+      return absl::InvalidArgumentError(absl::StrCat(
+          "options.selection_rounds: {", round.matches, ", ", round.keep,
+          "}, expected more than ", matches, " matches and at least 1 kept"));
+    }
+    matches = round.matches;
+  }
+  return absl::OkStatus();
+}
+
+absl::Status ValidateFirstStage(const MatchOptions& o) {
+  constexpr int kMany = 1'000'000;
+  ISOMATCH_RETURN_IF_ERROR(InRange("kernel_width", o.kernel_width, 1e-3, 10.0));
+  if (o.pool_size != 0) {
+    ISOMATCH_RETURN_IF_ERROR(InRange("pool_size", o.pool_size, 16, 4000));
+  }
+  ISOMATCH_RETURN_IF_ERROR(InRange("seed_points", o.seed_points, 1, 8));
+  ISOMATCH_RETURN_IF_ERROR(InRange("seed_matches", o.seed_matches, 1, 4));
+  if (o.seed_matches > o.seed_points) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("options.seed_matches: ", o.seed_matches,
+                     ", expected at most seed_points, ", o.seed_points));
+  }
+  ISOMATCH_RETURN_IF_ERROR(InRange("max_seeds", o.max_seeds, 0, kMany));
+  ISOMATCH_RETURN_IF_ERROR(
+      InRange("orientation_from", o.orientation_from, 0, kMany));
+  ISOMATCH_RETURN_IF_ERROR(
+      InRange("curvature_weight", o.curvature_weight, 0.0, 10.0));
+  ISOMATCH_RETURN_IF_ERROR(
+      InRange("curvature_radius", o.curvature_radius, 1e-3, 1.0));
+  ISOMATCH_RETURN_IF_ERROR(
+      InRange("first_stage_matches", o.first_stage_matches, 4, 1000));
+  ISOMATCH_RETURN_IF_ERROR(InRange("swap_interval", o.swap_interval, 1, kMany));
+  ISOMATCH_RETURN_IF_ERROR(
+      InRange("swap_proposals", o.swap_proposals, 0, kMany));
+  ISOMATCH_RETURN_IF_ERROR(InRange("temperature", o.temperature, 0.0, 1e6));
+  ISOMATCH_RETURN_IF_ERROR(
+      InRange("swap_neighbors", o.swap_neighbors, 0, 1000));
+  ISOMATCH_RETURN_IF_ERROR(
+      InRange("relocation_neighbors", o.relocation_neighbors, 0, 1000));
+  return ValidateRounds(o);
+}
+
+}  // namespace
+
+MatchOptions MatchOptions::ForProfile(Profile profile) {
+  MatchOptions options;
+  options.profile = profile;
+  if (profile == Profile::kDefault) return options;
+  options.pool_size = 0;
+  options.seed_points = 4;
+  options.seed_matches = 3;
+  options.max_seeds = 0;
+  options.selection_rounds.clear();
+  options.selection = Selection::kObjective;
+  options.orientation_from = 0;
+  options.curvature_weight = 0;
+  options.candidates_from_environments = true;
+  options.temperature = 0.01;
+  options.swap_neighbors = 0;
+  options.relocation_neighbors = 0;
+  options.second_stage_fraction = 0.7;
+  options.dense_from_closeness = false;
+  options.zoomout_start = 20;
+  options.zoomout_end = 120;
+  options.zoomout_step = 5;
+  return options;
+}
+
+absl::Status MatchOptions::Validate() const {
+  ISOMATCH_RETURN_IF_ERROR(ValidateFirstStage(*this));
+  ISOMATCH_RETURN_IF_ERROR(
+      InRange("second_stage_fraction", second_stage_fraction, 0.0, 1.0));
+  ISOMATCH_RETURN_IF_ERROR(
+      InRange("final_swap_fraction", final_swap_fraction, 0.0, 1.0));
+  ISOMATCH_RETURN_IF_ERROR(InRange("zoomout_end", zoomout_end, 0, 500));
+  if (zoomout_end > 0) {
+    ISOMATCH_RETURN_IF_ERROR(
+        InRange("zoomout_start", zoomout_start, 1, zoomout_end));
+    ISOMATCH_RETURN_IF_ERROR(InRange("zoomout_step", zoomout_step, 1, 500));
+  } else if (!dense_from_closeness) {
+    return absl::InvalidArgumentError(
+        "options.dense_from_closeness: false, expected true when zoomout_end "
+        "is 0, since nothing else makes the map dense");
+  }
+  return InRange("threads", threads, 0, 1024);
+}
+
+const char* ProfileName(Profile profile) {
+  return profile == Profile::kPaper ? "paper" : "default";
+}
+
+}  // namespace isomatch

@@ -1,0 +1,106 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "core/matching/first_stage.h"
+
+namespace isomatch {
+
+/// A named set of options.
+enum class Profile {
+  /// What measured best; see core/README.md.
+  kDefault,
+  /// Every step as the paper gives it.
+  kPaper,
+};
+
+/// Every constant of the method. Lengths are fractions of sqrt(surface area),
+/// so that results do not depend on a file's unit.
+struct MatchOptions {
+  // What changes the result.
+
+  Profile profile = Profile::kDefault;
+  /// Same input, options and random seed give the same result.
+  std::uint64_t random_seed = 1;
+
+  /// Eq. 5: closeness = exp(-d / (kernel_width sqrt(area))). In (0, 10]. The
+  /// paper writes exp(-d) and leaves the unit open.
+  double kernel_width = 0.1;
+  /// 3.1: vertices that take part in seeds and first-stage insertion: this many
+  /// farthest points, 16 to 4000, or all vertices when 0.
+  int pool_size = 1000;
+
+  /// 3.5: m farthest points a side, k matches a seed; 1 <= k <= m <= 8, k <= 4.
+  int seed_points = 6;
+  int seed_matches = 3;
+  /// Seeds that start growing, best pairwise distances first; 0 for all.
+  int max_seeds = 1000;
+  /// How many competing maps survive, by increasing `matches`; the last round
+  /// keeps one, at `first_stage_matches`.
+  std::vector<SelectionRound> selection_rounds = {{12, 400}, {40, 60}};
+  Selection selection = Selection::kEmbeddingError;
+  /// Competing maps with a negative orientation score come last from this many
+  /// matches on; 0 switches the cue off. Not in the paper.
+  int orientation_from = 40;
+  /// Complete competing maps rank by their embedding error times this power of
+  /// their curvature mismatch; 0 leaves curvature out. In [0, 10]. Not in the
+  /// paper.
+  double curvature_weight = 1;
+  /// Radius of the features that curvature speaks of. In [0.001, 1].
+  double curvature_radius = 0.03;
+
+  /// 3.3.1: matches after the first stage. At least 4.
+  int first_stage_matches = 250;
+  /// 3.3.1: candidates are the environments of the 3 best basis points; false
+  /// compares all unmatched points of the pool.
+  bool candidates_from_environments = false;
+
+  /// 3.4.
+  Swapping swapping = Swapping::kAnnealed;
+  /// 3.4: a phase of proposals after this many insertions.
+  int swap_interval = 10;
+  /// 3.4: proposals a phase.
+  int swap_proposals = 2500;
+  /// Eq. 3, in units of Eq. 8 summed over ordered pairs. 0 or more.
+  double temperature = 0.005;
+  /// Matches among which a swap partner is drawn: the nearest ones, or any
+  /// when 0 (as the paper has it).
+  int swap_neighbors = 16;
+  /// After each phase: each match may move its image to one of this many
+  /// nearest unmatched points if Eq. 8 falls. 0 for none (paper).
+  int relocation_neighbors = 16;
+
+  /// 3.3.2: fraction of vertices matched by second-stage insertion; 0 leaves
+  /// the second stage and the final phase out.
+  double second_stage_fraction = 0;
+  /// 3.4: fraction of worst contributors (Eq. 9) swapped at temperature 0.
+  double final_swap_fraction = 0.2;
+  /// Dense map by nearest neighbours in closeness space of all sparse matches.
+  bool dense_from_closeness = true;
+
+  /// ZoomOut: sizes of the spectral bases. zoomout_end 0 leaves it out.
+  int zoomout_start = 100;
+  int zoomout_end = 150;
+  int zoomout_step = 10;
+
+  // What changes only cost or reporting.
+
+  /// Threads; 0 means one for each core.
+  int threads = 0;
+  /// Keeps the map after each stage in Correspondence::stage_maps.
+  bool keep_stage_maps = false;
+
+  /// Returns the options of a profile.
+  static MatchOptions ForProfile(Profile profile);
+
+  /// INVALID_ARGUMENT naming field, value and allowed range.
+  absl::Status Validate() const;
+};
+
+/// "default" or "paper".
+const char* ProfileName(Profile profile);
+
+}  // namespace isomatch

@@ -1,0 +1,125 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <stop_token>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "absl/types/span.h"
+#include "core/base/vertex_index.h"
+#include "core/mesh/triangle_mesh.h"
+#include "core/pipeline/match_options.h"
+
+namespace isomatch {
+
+/// A known match the user gives.
+using Landmark = VertexMatch;
+
+/// The steps of Match in order; not every profile runs all of them.
+enum class Stage {
+  kPrepare,          ///< validation, cleaning, orientation
+  kGeodesics,        ///< basis points and their distance fields (3.1)
+  kSpectral,         ///< Laplace-Beltrami eigenpairs
+  kSeeds,            ///< seed generator (3.5)
+  kFirstInsertion,   ///< insertion and annealing (3.3.1, 3.4)
+  kSecondInsertion,  ///< insertion to 70 % (3.3.2)
+  kFinalSwapping,    ///< zero-temperature swaps of the worst matches (3.4)
+  kDense,            ///< nearest neighbours in closeness space
+  kZoomOut,          ///< spectral refinement
+  kQuality,          ///< figures about the result
+};
+inline constexpr int kNumStages = 10;
+
+/// Lower-case words, e.g. "first insertion".
+const char* StageName(Stage stage);
+
+/// Where a running match stands. Both fractions are in [0, 1]; total_fraction
+/// never falls. Each stage that runs reports 0 when it begins and 1 when it
+/// has ended, before the next begins.
+struct Progress {
+  Stage stage;
+  double stage_fraction;
+  double total_fraction;
+};
+
+/// Called from one thread at a time, possibly not the caller's. Must be quick
+/// and must not throw.
+using ProgressCallback = std::function<void(const Progress&)>;
+
+/// The map as it was after `stage`: kNoVertex where not matched yet.
+struct StageMap {
+  Stage stage;
+  VertexMap y_from_x;
+};
+
+/// What Match found.
+struct Correspondence {
+  /// One entry for each vertex of X; kNoVertex only for a vertex on no face.
+  VertexMap y_from_x;
+  /// Sparse matches the dense map was grown from.
+  std::vector<VertexMatch> sparse_matches;
+  /// Mean |k_X - k_Y| over the pairs of sparse matches (Eq. 8). >= 0.
+  double embedding_error = 0;
+  /// Mean k_X k_Y over the pairs of sparse matches (Eq. 4).
+  double objective = 0;
+  /// -1 (mirrored) to 1 (orientation kept) over the sparse matches; 0 when
+  /// there are too few or the meshes have no consistent orientation.
+  double orientation_score = 0;
+  /// Surface areas, squared mesh units.
+  double area_x = 0;
+  double area_y = 0;
+  /// What was found and mended in each mesh, and what else the user should
+  /// know.
+  std::vector<std::string> warnings_x;
+  std::vector<std::string> warnings_y;
+  std::vector<std::string> warnings;
+  /// With MatchOptions::keep_stage_maps.
+  std::vector<StageMap> stage_maps;
+};
+
+/// Finds the dense correspondence from X to Y: for every vertex of X its place
+/// on Y (Holzschuh, Laehner, Cremers: Simulated Annealing for 3D Shape
+/// Correspondence, 3DV 2020). The one entry point of the service, the command
+/// line and the tests.
+///
+/// The meshes may have different vertex counts. `landmarks`, when given, take
+/// the place of generated seeds. The result depends on meshes, landmarks,
+/// options and options.random_seed only, not on the number of threads.
+///
+/// INVALID_ARGUMENT: a mesh, landmark or option is wrong; the message names
+/// field, value and what was expected. CANCELLED: `stop` was requested; the
+/// call returns within a quarter of a second, but for the sparse factorisation
+/// of meshes of several 100,000 vertices, which is not interrupted. INTERNAL: a
+/// numerical step failed.
+///
+/// Time O(n log n sqrt(n)) up to the nearest neighbours, memory O(n sqrt(n));
+/// EstimateMemoryBytes bounds the latter.
+absl::StatusOr<Correspondence> Match(const TriangleMesh& mesh_x,
+                                     const TriangleMesh& mesh_y,
+                                     absl::Span<const Landmark> landmarks,
+                                     const MatchOptions& options,
+                                     const ProgressCallback& progress = {},
+                                     std::stop_token stop = {});
+
+/// Checks landmarks as Match does: every index in range, no vertex of X or Y in
+/// two of them. The message names `landmarks[i]`.
+absl::Status ValidateLandmarks(absl::Span<const Landmark> landmarks,
+                               std::int64_t vertices_x,
+                               std::int64_t vertices_y);
+
+/// Vertices and faces of a mesh.
+struct MeshSize {
+  std::int64_t vertices = 0;
+  std::int64_t faces = 0;
+};
+
+/// Returns an upper bound in bytes on what Match allocates at any one time
+/// beyond the two meshes it is given.
+std::int64_t EstimateMemoryBytes(MeshSize x, MeshSize y,
+                                 std::int64_t num_landmarks,
+                                 const MatchOptions& options);
+
+}  // namespace isomatch

@@ -1,0 +1,132 @@
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <initializer_list>
+#include <thread>
+
+#include "core/geodesic/basis_points.h"
+#include "core/matching/closeness.h"
+#include "core/pipeline/matcher.h"
+
+namespace isomatch {
+namespace {
+
+// Bytes, as doubles: products of hostile sizes must not wrap.
+
+/// Code pages, allocator slack and thread stacks that appear with a first run.
+constexpr double kFixed = 24e6;
+/// A distance field workspace: distances, touched vertices, buckets.
+constexpr double kWorkspacePerVertex = 80;
+
+/// What one shape takes, by what holds it.
+struct ShapeBytes {
+  double working;        ///< clean mesh, normals, maps: kept to the end
+  double stencils;       ///< while distance fields are computed
+  double fields;         ///< kept until the dense map
+  double lanczos;        ///< while eigenpairs are computed, both sides at once
+  double functions;      ///< eigenfunctions, kept to the end
+  double pool;           ///< closeness table and frames of the first stage
+  double dense_columns;  ///< closeness of every vertex to the sparse matches
+  double zoomout;        ///< single-precision bases
+};
+
+int FirstStageMatches(std::int64_t num_landmarks, const MatchOptions& options) {
+  constexpr std::int64_t kMostLandmarks = 1000;
+  return static_cast<int>(std::max<std::int64_t>(
+      options.first_stage_matches, std::min(num_landmarks, kMostLandmarks)));
+}
+
+double PoolSize(MeshSize mesh, std::int64_t num_landmarks,
+                const MatchOptions& options) {
+  const double n = static_cast<double>(mesh.vertices);
+  if (options.pool_size == 0) return n;
+  return std::min(n, options.pool_size + double(num_landmarks));
+}
+
+double LanczosBytes(double n, double m, double count) {
+  // Krylov vectors and their rotated copy, eigenvectors and their copy.
+  const double vectors = 8 * n * (1.5 * (2 * count + 20) + 2 * count);
+  // Triplets, stiffness in three forms, the factor: nested growth of about
+  // 3 log2(n) entries a row on surfaces.
+  const double matrices =
+      192 * m + 300 * n + 12 * n * 3 * std::log2(std::max(n, 2.0));
+  constexpr double kDense = 500;
+  const double dense = 40 * std::pow(std::min(n, kDense), 2);
+  return vectors + matrices + dense;
+}
+
+ShapeBytes BytesOf(MeshSize mesh, std::int64_t num_landmarks,
+                   const MatchOptions& options) {
+  const double n = static_cast<double>(mesh.vertices);
+  const double m = static_cast<double>(mesh.faces);
+  const double basis = BasisPoints::DefaultCount(
+      static_cast<VertexIndex>(std::min<std::int64_t>(mesh.vertices, 1 << 30)));
+  const double pool = PoolSize(mesh, num_landmarks, options);
+  const double count = std::min<double>(options.zoomout_end, n);
+  const bool tabulated = pool <= PointPool::kMaxTabulated;
+  ShapeBytes bytes;
+  bytes.working = 160 * n + 150 * m;
+  bytes.stencils = 420 * n + 450 * m;
+  bytes.fields = 4 * n * basis;
+  bytes.lanczos = count > 0 ? LanczosBytes(n, m, count) : 0;
+  bytes.functions = 8 * n * count;
+  bytes.pool = (tabulated ? 4 * pool * pool : 0) + 120 * pool;
+  bytes.dense_columns = options.dense_from_closeness
+                            ? 4 * n * FirstStageMatches(num_landmarks, options)
+                            : 0;
+  bytes.zoomout = 2 * 4 * n * count;
+  return bytes;
+}
+
+/// What the growing maps of the first stage take, one for each thread.
+double MatchingBytes(MeshSize x, MeshSize y, std::int64_t num_landmarks,
+                     const MatchOptions& options, double threads) {
+  const double matches = FirstStageMatches(num_landmarks, options);
+  double each = 8 * matches * matches + 400 * matches;
+  for (const MeshSize mesh : {x, y}) {
+    const double pool = PoolSize(mesh, num_landmarks, options);
+    each += 32 * pool;
+    if (pool > PointPool::kMaxTabulated) each += 4 * pool * matches;
+  }
+  // The best map is restored beside them.
+  return each * (threads + 1);
+}
+
+double Threads(const MatchOptions& options) {
+  return options.threads > 0
+             ? options.threads
+             : std::max(1u, std::thread::hardware_concurrency());
+}
+
+}  // namespace
+
+std::int64_t EstimateMemoryBytes(MeshSize x, MeshSize y,
+                                 std::int64_t num_landmarks,
+                                 const MatchOptions& options) {
+  const ShapeBytes bytes_x = BytesOf(x, num_landmarks, options);
+  const ShapeBytes bytes_y = BytesOf(y, num_landmarks, options);
+  const auto both = [&](double ShapeBytes::*member) {
+    return bytes_x.*member + bytes_y.*member;
+  };
+  const double threads = Threads(options);
+  const double n = static_cast<double>(x.vertices + y.vertices);
+  const double fields = both(&ShapeBytes::working) + both(&ShapeBytes::fields);
+  const double late = fields + both(&ShapeBytes::functions);
+  const double environments =
+      options.candidates_from_environments || options.second_stage_fraction > 0
+          ? 160 * n
+          : 0;
+  const double peak = std::max({
+      // Geodesics; Spectral; Seeds and FirstInsertion; Dense; ZoomOut.
+      fields + both(&ShapeBytes::stencils) + kWorkspacePerVertex * n * threads,
+      fields + both(&ShapeBytes::lanczos),
+      late + both(&ShapeBytes::pool) + environments +
+          MatchingBytes(x, y, num_landmarks, options, threads),
+      late + both(&ShapeBytes::dense_columns) + environments,
+      late + both(&ShapeBytes::zoomout),
+  });
+  constexpr double kLargest = 9e18;
+  return static_cast<std::int64_t>(std::min(peak + kFixed, kLargest));
+}
+
+}  // namespace isomatch

@@ -1,0 +1,176 @@
+#include "core/pipeline/prepared_mesh.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "core/base/nearest_columns.h"
+#include "core/base/status_macros.h"
+#include "core/geodesic/farthest_point_sampling.h"
+#include "core/mesh/clean_mesh.h"
+#include "core/mesh/mesh_geometry.h"
+#include "core/mesh/topology.h"
+#include "core/spectral/cotan_laplacian.h"
+#include "core/spectral/mean_curvature.h"
+
+namespace isomatch {
+namespace {
+
+/// Of the largest component's area: smaller components follow their
+/// surroundings.
+constexpr double kSmallComponent = 0.05;
+
+/// Components large enough to take part, and no more of them than basis points
+/// can serve: each needs some of its own.
+std::vector<bool> LargeComponents(const TriangleMesh& mesh,
+                                  const Components& components) {
+  std::vector<double> areas(components.count, 0);
+  for (VertexIndex f = 0; f < mesh.num_faces(); ++f) {
+    areas[components.of_vertex[mesh.faces(f, 0)]] += FaceArea(mesh, f);
+  }
+  std::vector<int> order(components.count);
+  std::iota(order.begin(), order.end(), 0);
+  std::stable_sort(order.begin(), order.end(),
+                   [&](int a, int b) { return areas[a] > areas[b]; });
+  const auto most = static_cast<std::size_t>(
+      std::max(1, BasisPoints::DefaultCount(mesh.num_vertices()) / 2));
+  std::vector<bool> large(components.count, false);
+  for (std::size_t i = 0; i < std::min(most, order.size()); ++i) {
+    large[order[i]] = areas[order[i]] >= kSmallComponent * areas[order[0]];
+  }
+  return large;
+}
+
+/// Splits the vertices of a mesh into those kept and those left out.
+struct Selected {
+  VertexMap new_from_old;
+  VertexMap old_from_new;
+  VertexMap left_out;
+};
+
+Selected SelectVertices(const Components& components,
+                        const std::vector<bool>& keep) {
+  Selected selected;
+  selected.new_from_old.resize(components.of_vertex.size(), kNoVertex);
+  for (std::size_t v = 0; v < components.of_vertex.size(); ++v) {
+    if (!keep[components.of_vertex[v]]) {
+      selected.left_out.push_back(static_cast<VertexIndex>(v));
+      continue;
+    }
+    selected.new_from_old[v] =
+        static_cast<VertexIndex>(selected.old_from_new.size());
+    selected.old_from_new.push_back(static_cast<VertexIndex>(v));
+  }
+  return selected;
+}
+
+TriangleMesh Submesh(const TriangleMesh& mesh, const Selected& selected) {
+  TriangleMesh result;
+  result.positions = mesh.positions(selected.old_from_new, Eigen::all);
+  std::vector<VertexIndex> faces;
+  for (VertexIndex f = 0; f < mesh.num_faces(); ++f) {
+    if (selected.new_from_old[mesh.faces(f, 0)] != kNoVertex) {
+      faces.push_back(f);
+    }
+  }
+  result.faces = mesh.faces(faces, Eigen::all);
+  for (Eigen::Index i = 0; i < result.faces.size(); ++i) {
+    result.faces.data()[i] = selected.new_from_old[result.faces.data()[i]];
+  }
+  return result;
+}
+
+/// Lets each left-out vertex be stood for by the nearest kept one in space.
+absl::Status StandInForLeftOut(const Positions& positions, Selected* selected,
+                               const std::stop_token& stop) {
+  if (selected->left_out.empty()) return absl::OkStatus();
+  // Single precision will do for a shape of about unit size.
+  const Eigen::RowVector3d center = positions.colwise().mean();
+  const double size = (positions.rowwise() - center).cwiseAbs().maxCoeff();
+  const auto columns = [&](const VertexMap& vertices) -> PointColumns {
+    return ((positions(vertices, Eigen::all).rowwise() - center) / size)
+        .transpose()
+        .cast<float>();
+  };
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const VertexMap nearest,
+      NearestColumns(columns(selected->left_out),
+                     columns(selected->old_from_new), stop));
+  for (std::size_t i = 0; i < nearest.size(); ++i) {
+    selected->new_from_old[selected->left_out[i]] = nearest[i];
+  }
+  return absl::OkStatus();
+}
+
+void Normalise(WorkingMesh* working) {
+  Positions& positions = working->mesh.positions;
+  const Eigen::RowVector3d center = positions.colwise().mean();
+  positions.rowwise() -= center;
+  working->area = SurfaceArea(working->mesh);
+  positions /= std::sqrt(working->area);
+}
+
+}  // namespace
+
+absl::StatusOr<WorkingMesh> MakeWorkingMesh(const TriangleMesh& mesh,
+                                            const std::stop_token& stop) {
+  CleanMesh clean = Clean(mesh);
+  const Components components = ConnectedComponents(clean.mesh);
+  Selected selected =
+      SelectVertices(components, LargeComponents(clean.mesh, components));
+  WorkingMesh working;
+  working.mesh = Submesh(clean.mesh, selected);
+  ISOMATCH_RETURN_IF_ERROR(
+      StandInForLeftOut(clean.mesh.positions, &selected, stop));
+  for (const VertexIndex v : clean.clean_from_original) {
+    working.working_from_user.push_back(
+        v == kNoVertex ? kNoVertex : selected.new_from_old[v]);
+  }
+  for (const VertexIndex v : selected.old_from_new) {
+    working.user_from_working.push_back(clean.original_from_clean[v]);
+  }
+  working.oriented = clean.oriented;
+  working.warnings = std::move(clean.warnings);
+  if (!selected.left_out.empty()) {
+    working.warnings.push_back(absl::StrCat(
+        selected.left_out.size(),
+        " vertices of small components follow the nearest larger one"));
+  }
+  Normalise(&working);
+  working.normals = VertexNormals(working.mesh);
+  return working;
+}
+
+absl::StatusOr<GeodesicHash> HashGeodesics(
+    const WorkingMesh& working, int num_points,
+    const std::function<void(double)>& progress, const std::stop_token& stop) {
+  const DistanceFieldSolver solver(working.mesh);
+  const int basis_count =
+      BasisPoints::DefaultCount(working.mesh.num_vertices());
+  GeodesicHash hash;
+  ISOMATCH_ASSIGN_OR_RETURN(
+      hash.farthest_points,
+      FarthestPoints(solver, std::max(num_points, basis_count), stop));
+  ISOMATCH_ASSIGN_OR_RETURN(
+      hash.basis,
+      BasisPoints::Create(solver,
+                          {hash.farthest_points.begin(),
+                           hash.farthest_points.begin() + basis_count},
+                          progress, stop));
+  return hash;
+}
+
+absl::StatusOr<SpectralBasis> PrepareSpectralBasis(
+    const WorkingMesh& working, int count, const std::stop_token& stop) {
+  return ComputeSpectralBasis(BuildCotanLaplacian(working.mesh), count, stop);
+}
+
+absl::StatusOr<Eigen::VectorXd> PrepareCurvature(const WorkingMesh& working,
+                                                 double radius) {
+  return SmoothedMeanCurvature(BuildCotanLaplacian(working.mesh),
+                               working.mesh.positions, working.normals, radius);
+}
+
+}  // namespace isomatch

@@ -1,0 +1,51 @@
+#include "core/pipeline/progress_reporter.h"
+
+#include <algorithm>
+#include <cassert>
+#include <numeric>
+
+namespace isomatch {
+
+ProgressReporter::ProgressReporter(ProgressCallback callback,
+                                   std::vector<std::pair<Stage, double>> plan)
+    : callback_(std::move(callback)), plan_(std::move(plan)) {
+  for (const auto& [stage, weight] : plan_) total_weight_ += weight;
+}
+
+void ProgressReporter::Report(double stage_fraction) {
+  stage_fraction_ = stage_fraction;
+  const auto& [stage, weight] = plan_[current_];
+  const double total =
+      (finished_weight_ + weight * stage_fraction) / total_weight_;
+  if (callback_) callback_({stage, stage_fraction, std::min(1.0, total)});
+}
+
+void ProgressReporter::Begin(Stage stage) {
+  Finish();
+  const MutexLock lock(mutex_);
+  if (current_ >= 0) finished_weight_ += plan_[current_].second;
+  ++current_;
+  assert(plan_[current_].first == stage);
+  static_cast<void>(stage);
+  part_fractions_.clear();
+  Report(0);
+}
+
+void ProgressReporter::Finish() {
+  const MutexLock lock(mutex_);
+  if (current_ >= 0) Report(1);
+}
+
+std::function<void(double)> ProgressReporter::Part(int part, int parts) {
+  return [this, part, parts](double fraction) {
+    const MutexLock lock(mutex_);
+    part_fractions_.resize(parts, 0);
+    part_fractions_[part] = std::max(part_fractions_[part], fraction);
+    const double mean =
+        std::accumulate(part_fractions_.begin(), part_fractions_.end(), 0.0) /
+        parts;
+    if (mean > stage_fraction_ && mean < 1) Report(mean);
+  };
+}
+
+}  // namespace isomatch

@@ -1,0 +1,42 @@
+#pragma once
+
+#include <functional>
+#include <utility>
+#include <vector>
+
+#include "core/base/mutex.h"
+#include "core/pipeline/matcher.h"
+
+namespace isomatch {
+
+/// Turns fractions of single stages into Progress: totals never fall, each
+/// stage begins with 0 and ends with 1. Thread-safe.
+class ProgressReporter {
+ public:
+  /// `plan`: the stages that will run, in order, with their share of the work.
+  ProgressReporter(ProgressCallback callback,
+                   std::vector<std::pair<Stage, double>> plan);
+
+  /// Reports the end of the current stage and the beginning of `stage`.
+  void Begin(Stage stage);
+  /// Reports the end of the last stage.
+  void Finish();
+
+  /// Returns a callback for part `part` of `parts` equal ones that run at the
+  /// same time within the current stage.
+  std::function<void(double)> Part(int part, int parts);
+
+ private:
+  void Report(double stage_fraction);
+
+  const ProgressCallback callback_;
+  const std::vector<std::pair<Stage, double>> plan_;
+  double total_weight_ = 0;
+  Mutex mutex_;
+  int current_ = -1;            ///< into plan_
+  double finished_weight_ = 0;  ///< of the stages before
+  double stage_fraction_ = 0;   ///< reported last
+  std::vector<double> part_fractions_;
+};
+
+}  // namespace isomatch

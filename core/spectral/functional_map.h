@@ -1,0 +1,37 @@
+#pragma once
+
+#include <stop_token>
+
+#include <Eigen/Core>
+
+#include "absl/status/statusor.h"
+#include "absl/types/span.h"
+#include "core/base/vertex_index.h"
+#include "core/spectral/spectral_basis.h"
+
+namespace isomatch {
+
+/// Returns the k x k functional map of y_from_x: the C whose column j holds the
+/// coefficients, in the first k functions of X, of the j-th function of Y
+/// pulled back along the map (Ovsjanikov et al. 2012; ZoomOut, Eq. 2):
+///
+///   C = argmin || W^1/2 (Phi_X(S, :) C - Phi_Y(y_from_x(S), :)) ||
+///
+/// over the vertices S of X that have a match. W is the mass of X, so that for
+/// a dense map C = Phi_X^T M_X Phi_Y(y_from_x, :). Properties: (1) the identity
+/// gives I; (2) maps between congruent shapes give orthogonal C.
+///
+/// REQUIRES: k <= both bases' sizes, y_from_x.size() == n_X, at least one
+/// match. Time O(n k^2).
+Eigen::MatrixXd FunctionalMapFromVertexMap(
+    const SpectralBasis& spectral_x, const SpectralBasis& spectral_y,
+    absl::Span<const VertexIndex> y_from_x, int k);
+
+/// Returns the vertex map of a functional map: each vertex x goes to the y
+/// whose delta function is nearest in X's basis, argmin_y |C Phi_Y(y) -
+/// Phi_X(x)| (ZoomOut, Eq. 3). Time O(n_X n_Y k).
+absl::StatusOr<VertexMap> VertexMapFromFunctionalMap(
+    const SpectralBasis& spectral_x, const SpectralBasis& spectral_y,
+    const Eigen::MatrixXd& fmap_x_from_y, const std::stop_token& stop);
+
+}  // namespace isomatch

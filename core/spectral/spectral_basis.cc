@@ -1,0 +1,133 @@
+#include "core/spectral/spectral_basis.h"
+
+#include <algorithm>
+#include <cmath>
+#include <new>
+#include <stdexcept>
+#include <utility>
+
+#include <Spectra/SymEigsShiftSolver.h>
+#include <Eigen/Eigenvalues>
+#include <Eigen/SparseCholesky>
+
+#include "absl/strings/str_cat.h"
+#include "core/base/parallel.h"
+#include "core/base/status_macros.h"
+
+namespace isomatch {
+namespace {
+
+/// Meshes up to this size, or bases near it, are solved densely.
+constexpr Eigen::Index kDenseVertices = 500;
+/// Shift below the spectrum that makes L regular, in units of 1 / area.
+constexpr double kShift = 0.01;
+/// Relative error of Ritz values. Far below the error of the discretisation, as
+/// a looser one stops before rounding has brought out all copies of the
+/// repeated eigenvalues of symmetric shapes.
+constexpr double kTolerance = 1e-10;
+constexpr int kMaxRestarts = 100;
+
+/// M^-1/2 L M^-1/2.
+Eigen::SparseMatrix<double> Normalised(const CotanLaplacian& laplacian) {
+  const Eigen::VectorXd scale = laplacian.mass.cwiseSqrt().cwiseInverse();
+  return scale.asDiagonal() * laplacian.stiffness * scale.asDiagonal();
+}
+
+/// y = (A + shift I)^-1 x for Spectra. Spectra cannot be interrupted, so a
+/// stop throws out of its loop; the exception does not leave this file.
+class ShiftedInverse {
+ public:
+  using Scalar = double;
+  struct Cancelled {};
+
+  ShiftedInverse(const Eigen::SparseMatrix<double>& matrix, double shift,
+                 const std::stop_token& stop)
+      : stop_(stop) {
+    Eigen::SparseMatrix<double> shifted = matrix;
+    shifted.diagonal().array() += shift;
+    cholesky_.compute(shifted);
+  }
+
+  bool ok() const { return cholesky_.info() == Eigen::Success; }
+  Eigen::Index rows() const { return cholesky_.rows(); }
+  Eigen::Index cols() const { return cholesky_.cols(); }
+  void set_shift(double) {}
+  void perform_op(const double* x, double* y) const {
+    if (stop_.stop_requested()) throw Cancelled();
+    Eigen::Map<Eigen::VectorXd>(y, rows()) =
+        cholesky_.solve(Eigen::Map<const Eigen::VectorXd>(x, rows()));
+  }
+
+ private:
+  const std::stop_token& stop_;
+  Eigen::SimplicialLLT<Eigen::SparseMatrix<double>> cholesky_;
+};
+
+absl::Status SolveDense(const Eigen::SparseMatrix<double>& matrix, int count,
+                        SpectralBasis* basis) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver{
+      Eigen::MatrixXd(matrix)};
+  if (solver.info() != Eigen::Success) {
+    return absl::InternalError(absl::StrCat(
+        "dense eigen-solver failed on a mesh of ", matrix.rows(), " vertices"));
+  }
+  basis->eigenvalues = solver.eigenvalues().head(count);
+  basis->functions = solver.eigenvectors().leftCols(count);
+  return absl::OkStatus();
+}
+
+absl::Status SolveLanczos(const Eigen::SparseMatrix<double>& matrix,
+                          double shift, int count, const std::stop_token& stop,
+                          SpectralBasis* basis) {
+  ShiftedInverse inverse(matrix, shift, stop);
+  if (!inverse.ok()) {
+    return absl::InternalError(
+        absl::StrCat("Cholesky factorisation of the Laplacian failed, ",
+                     matrix.rows(), " vertices, shift ", shift));
+  }
+  const int subspace =
+      std::min<int>(2 * count + 20, static_cast<int>(matrix.rows()));
+  Spectra::SymEigsShiftSolver<ShiftedInverse> solver(inverse, count, subspace,
+                                                     -shift);
+  try {
+    solver.init();
+    solver.compute(Spectra::SortRule::LargestMagn, kMaxRestarts, kTolerance,
+                   Spectra::SortRule::SmallestAlge);
+  } catch (const ShiftedInverse::Cancelled&) {
+    return absl::CancelledError("cancelled");
+  } catch (const std::bad_alloc&) {
+    throw;  // the caller's: it means the machine, not the mesh
+  } catch (const std::exception& error) {
+    return absl::InternalError(absl::StrCat("Lanczos: ", error.what()));
+  }
+  if (solver.info() != Spectra::CompInfo::Successful) {
+    return absl::InternalError(absl::StrCat(
+        "Lanczos found fewer than ", count, " eigenpairs on ", matrix.rows(),
+        " vertices after ", kMaxRestarts, " restarts"));
+  }
+  basis->eigenvalues = solver.eigenvalues();
+  basis->functions = solver.eigenvectors();
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::StatusOr<SpectralBasis> ComputeSpectralBasis(
+    const CotanLaplacian& laplacian, int count, const std::stop_token& stop) {
+  ISOMATCH_RETURN_IF_ERROR(CheckNotCancelled(stop));
+  const Eigen::SparseMatrix<double> matrix = Normalised(laplacian);
+  const Eigen::Index n = matrix.rows();
+  const int wanted = static_cast<int>(std::min<Eigen::Index>(count, n));
+  SpectralBasis basis;
+  basis.mass = laplacian.mass;
+  const bool dense = n <= std::max<Eigen::Index>(kDenseVertices, 2 * wanted);
+  ISOMATCH_RETURN_IF_ERROR(dense ? SolveDense(matrix, wanted, &basis)
+                                 : SolveLanczos(matrix,
+                                                kShift / laplacian.mass.sum(),
+                                                wanted, stop, &basis));
+  basis.functions =
+      laplacian.mass.cwiseSqrt().cwiseInverse().asDiagonal() * basis.functions;
+  return basis;
+}
+
+}  // namespace isomatch

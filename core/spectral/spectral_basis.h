@@ -1,0 +1,35 @@
+#pragma once
+
+#include <stop_token>
+
+#include <Eigen/Core>
+
+#include "absl/status/statusor.h"
+#include "core/spectral/cotan_laplacian.h"
+
+namespace isomatch {
+
+/// The lowest eigenpairs of the Laplace-Beltrami operator.
+struct SpectralBasis {
+  /// k, ascending, >= 0 up to rounding; 1 / squared mesh units.
+  Eigen::VectorXd eigenvalues;
+  /// n x k, columns orthonormal in the mass: Phi^T M Phi = I. Signs, and bases
+  /// of repeated eigenvalues, are arbitrary but reproducible.
+  Eigen::MatrixXd functions;
+  /// n, the lumped mass.
+  Eigen::VectorXd mass;
+
+  int size() const { return static_cast<int>(eigenvalues.size()); }
+};
+
+/// Returns the `count` lowest pairs, or all n when there are fewer, of
+/// L phi = lambda M phi: shift-invert Lanczos (Spectra) on M^-1/2 L M^-1/2,
+/// the factorisation by Eigen's sparse Cholesky; small meshes are solved
+/// densely.
+///
+/// INTERNAL with the numbers when the factorisation or Lanczos fails.
+/// CANCELLED soon after `stop`. Memory O(n count), mostly 8 n (3 count).
+absl::StatusOr<SpectralBasis> ComputeSpectralBasis(
+    const CotanLaplacian& laplacian, int count, const std::stop_token& stop);
+
+}  // namespace isomatch

@@ -1,0 +1,33 @@
+#pragma once
+
+#include <functional>
+#include <stop_token>
+
+#include "absl/status/statusor.h"
+#include "core/base/vertex_index.h"
+#include "core/spectral/spectral_basis.h"
+
+namespace isomatch {
+
+/// Sizes of the spectral bases that ZoomOut goes through.
+struct ZoomOutOptions {
+  int start = 20;
+  int end = 120;
+  int step = 5;
+};
+
+/// Refines a map by alternating between functional map and vertex map while
+/// the bases grow from `start` to `end` functions (Melzi et al., ZoomOut,
+/// 2019). `y_from_x` may be partial; the result is dense. Sizes are cut to the
+/// bases at hand. `progress`, when set, is called with a fraction in (0, 1].
+///
+/// REQUIRES: at least one match; 1 <= start <= end, step >= 1.
+/// Time O(iterations n_X n_Y k). CANCELLED after `stop`.
+absl::StatusOr<VertexMap> ZoomOut(const SpectralBasis& spectral_x,
+                                  const SpectralBasis& spectral_y,
+                                  VertexMap y_from_x,
+                                  const ZoomOutOptions& options,
+                                  const std::function<void(double)>& progress,
+                                  const std::stop_token& stop);
+
+}  // namespace isomatch

@@ -1,0 +1,100 @@
+#!/usr/bin/env python3
+"""Fails when a file includes a layer it must not know (style: layers).
+
+    check_layers.py ROOT
+
+Includes are written from the repository root, so every line names its layer.
+"""
+import pathlib
+import re
+import sys
+
+BASE = {"core/base"}
+MESH = BASE | {"core/mesh"}
+GEODESIC = MESH | {"core/geodesic"}
+CORE = GEODESIC | {"core/io", "core/matching", "core/spectral",
+                   "core/evaluation", "core/pipeline"}
+
+# Layer -> the layers it may include besides itself.
+ALLOWED = {
+    "core/base": set(),
+    "core/mesh": BASE,
+    "core/io": MESH,
+    "core/geodesic": MESH,
+    "core/matching": GEODESIC,
+    "core/spectral": MESH,
+    "core/evaluation": GEODESIC,
+    "core/pipeline": CORE,
+    "server/metrics": BASE,
+    "server/storage": BASE | {"server/metrics"},
+    "server/jobs": CORE | {"server/storage", "server/metrics"},
+    "server/convert": CORE | {"server/jobs", "server/storage", "proto"},
+    "server/rpc": CORE | {"server/convert", "server/jobs", "server/storage",
+                          "server/metrics", "proto"},
+    "server": CORE | {"server/rpc", "server/convert", "server/jobs",
+                      "server/storage", "server/metrics", "proto"},
+    "client": CORE | {"server", "proto"},
+}
+
+# Pattern of an outside header -> the only layers that may include it.
+RESTRICTED = {
+    r"grpc": {"server/rpc", "server", "client", "proto"},
+    r"draco/": {"core/io"},
+    r"Spectra/": {"core/spectral"},
+    r"spdlog": {"server/rpc", "server"},
+    r"CGAL/": {"client"},
+    # A clock; core/base/mutex.h may wait, but tells no time to core.
+    r"(chrono|absl/time/clock\.h|ctime)$":
+        {"core/base", "server/jobs", "server/rpc", "server/convert", "server/storage",
+         "server", "client"},
+    r"(iostream|fstream|filesystem|cstdlib)$":
+        {"server", "server/jobs", "server/storage", "server/rpc", "client"},
+}
+
+# Single lines of the table of style.md that folders alone do not say.
+ONLY_CALLER = {"core/pipeline/matcher.h":
+               {"server/jobs", "server/convert", "client", "core/pipeline"}}
+
+INCLUDE = re.compile(r'^\s*#\s*include\s+[<"]([^>"]+)[>"]', re.M)
+
+
+def layer_of(path):
+    parts = path.split("/")
+    for length in (2, 1):
+        layer = "/".join(parts[:length])
+        if layer in ALLOWED and len(parts) > length:
+            return layer
+    return {"proto": "proto", "isomatch": "proto"}.get(parts[0])
+
+
+def problems_of(name, text):
+    layer = layer_of(name)
+    for header in INCLUDE.findall(text):
+        target = layer_of(header)
+        if target and target != layer and target not in ALLOWED[layer]:
+            yield f"{name}: {layer} must not include {header} ({target})"
+        for pattern, layers in RESTRICTED.items():
+            if re.match(pattern, header) and layer not in layers:
+                yield f"{name}: {layer} must not include <{header}>"
+        if layer not in ONLY_CALLER.get(header, {layer}):
+            yield f"{name}: {layer} must not include {header}"
+
+
+def main(root):
+    root = pathlib.Path(root)
+    files = sorted(p for top in ("core", "server", "client")
+                   for p in (root / top).rglob("*") if p.suffix in (".h", ".cc"))
+    found = [problem for p in files
+             for problem in problems_of(str(p.relative_to(root)),
+                                        p.read_text())]
+    print("\n".join(found) or f"{len(files)} files respect the layers")
+    # The table must be able to say no.
+    assert list(problems_of("core/mesh/x.cc", '#include "core/pipeline/y.h"'))
+    assert list(problems_of("core/pipeline/x.cc", "#include <chrono>"))
+    return 1 if found else 0
+
+
+if __name__ == "__main__":
+    if len(sys.argv) != 2:
+        sys.exit(__doc__)
+    sys.exit(main(sys.argv[1]))

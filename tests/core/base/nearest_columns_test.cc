@@ -1,0 +1,51 @@
+#include "core/base/nearest_columns.h"
+
+#include <gtest/gtest.h>
+
+#include "core/base/random_stream.h"
+#include "tests/support/matchers.h"
+
+namespace isomatch {
+namespace {
+
+PointColumns RandomPoints(int rows, int cols, int seed) {
+  RandomStream random(seed, 0);
+  PointColumns points(rows, cols);
+  for (Eigen::Index i = 0; i < points.size(); ++i) {
+    points.data()[i] = static_cast<float>(random.Unit());
+  }
+  return points;
+}
+
+TEST(NearestColumnsTest, AgreesWithBruteForceAcrossBlocks) {
+  const PointColumns queries = RandomPoints(7, 301, /*seed=*/1);
+  const PointColumns points = RandomPoints(7, 1203, /*seed=*/2);
+  const auto nearest = NearestColumns(queries, points, {});
+  ASSERT_THAT(nearest, IsOk());
+  for (Eigen::Index q = 0; q < queries.cols(); ++q) {
+    Eigen::Index expected;
+    (points.colwise() - queries.col(q))
+        .colwise()
+        .squaredNorm()
+        .minCoeff(&expected);
+    EXPECT_EQ((*nearest)[q], expected) << "query " << q;
+  }
+}
+
+TEST(NearestColumnsTest, TiesGoToTheSmallestIndex) {
+  PointColumns points = PointColumns::Ones(3, 1100);
+  const auto nearest = NearestColumns(points.leftCols(2), points, {});
+  ASSERT_THAT(nearest, IsOk());
+  EXPECT_THAT(*nearest, testing::Each(0));
+}
+
+TEST(NearestColumnsTest, StopsWhenAsked) {
+  std::stop_source stop;
+  stop.request_stop();
+  const PointColumns points = RandomPoints(3, 50, /*seed=*/3);
+  EXPECT_THAT(NearestColumns(points, points, stop.get_token()),
+              StatusIs(absl::StatusCode::kCancelled, testing::_));
+}
+
+}  // namespace
+}  // namespace isomatch

@@ -1,0 +1,41 @@
+#include "core/base/parallel.h"
+
+#include <atomic>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "tests/support/matchers.h"
+
+namespace isomatch {
+namespace {
+
+TEST(ParallelForTest, CallsEachIndexOnce) {
+  std::vector<int> calls(1000, 0);
+  EXPECT_THAT(ParallelFor(1000, {}, [&](std::int64_t i) { ++calls[i]; }),
+              IsOk());
+  EXPECT_THAT(calls, testing::Each(1));
+}
+
+TEST(ParallelForTest, ReturnsCancelledAndSkipsTheRest) {
+  std::stop_source stop;
+  std::atomic<int> calls = 0;
+  const absl::Status status =
+      ParallelFor(100000, stop.get_token(), [&](std::int64_t) {
+        if (++calls == 10) stop.request_stop();
+      });
+  EXPECT_THAT(status, StatusIs(absl::StatusCode::kCancelled, testing::_));
+  EXPECT_LT(calls, 1000);
+}
+
+TEST(RunBothTest, ReturnsTheFirstErrorInArgumentOrder) {
+  EXPECT_THAT(RunBoth([] { return absl::OkStatus(); },
+                      [] { return absl::InternalError("second"); }),
+              StatusIs(absl::StatusCode::kInternal, "second"));
+  EXPECT_THAT(RunBoth([] { return absl::NotFoundError("first"); },
+                      [] { return absl::InternalError("second"); }),
+              StatusIs(absl::StatusCode::kNotFound, "first"));
+}
+
+}  // namespace
+}  // namespace isomatch

@@ -1,0 +1,93 @@
+#include "core/evaluation/geodesic_error.h"
+
+#include <cmath>
+#include <numbers>
+#include <numeric>
+
+#include <gtest/gtest.h>
+
+#include "tests/support/matchers.h"
+#include "tests/support/shapes.h"
+
+namespace isomatch {
+namespace {
+
+using testing::HasSubstr;
+
+constexpr auto kInvalid = absl::StatusCode::kInvalidArgument;
+
+VertexMap Identity(VertexIndex n) {
+  VertexMap identity(n);
+  std::iota(identity.begin(), identity.end(), 0);
+  return identity;
+}
+
+TEST(GeodesicErrorTest, DiameterAndAreaOfTheSphere) {
+  const GeodesicErrorMeter meter(UnitSphere(4));
+  EXPECT_NEAR(meter.diameter(), std::numbers::pi, 0.05);
+  EXPECT_NEAR(meter.sqrt_area(), std::sqrt(4 * std::numbers::pi), 0.01);
+}
+
+TEST(GeodesicErrorTest, TheTruthItselfHasNone) {
+  const GeodesicErrorMeter meter(FiveArms(3));
+  const VertexMap truth = Identity(642);
+  const auto error = meter.Measure(truth, truth);
+  ASSERT_THAT(error, IsOk());
+  EXPECT_EQ(error->evaluated, 642);
+  EXPECT_EQ(error->mean_over_diameter, 0);
+  EXPECT_EQ(error->max_over_diameter, 0);
+  for (const double within : error->within) EXPECT_EQ(within, 1);
+}
+
+TEST(GeodesicErrorTest, AShiftInThePlaneIsItsLength) {
+  constexpr int kColumns = 50;
+  const GeodesicErrorMeter meter(PlaneGrid(kColumns, 50, 5, 5));
+  VertexMap truth(51 * 51, kNoVertex);
+  VertexMap shifted(51 * 51, kNoVertex);
+  for (int row = 0; row < 50; ++row) {
+    const int v = row * (kColumns + 1);
+    truth[v] = v;
+    shifted[v] = v + 4;  // 0.4 along x
+  }
+  const auto error = meter.Measure(shifted, truth);
+  ASSERT_THAT(error, IsOk());
+  EXPECT_EQ(error->evaluated, 50);
+  const double diameter = 5 * std::numbers::sqrt2;
+  EXPECT_NEAR(error->diameter, diameter, 1e-4);
+  EXPECT_NEAR(error->mean_over_diameter, 0.4 / diameter, 1e-5);
+  EXPECT_NEAR(error->mean_over_sqrt_area, 0.4 / 5, 1e-5);
+  // 0.0566 of the diameter.
+  EXPECT_EQ(error->within[2], 0);
+  EXPECT_EQ(error->within[3], 1);
+}
+
+TEST(GeodesicErrorTest, CountsTheUnmatchedApart) {
+  const GeodesicErrorMeter meter(UnitSphere(1));
+  VertexMap found = Identity(42);
+  found[7] = kNoVertex;
+  VertexMap truth = Identity(42);
+  truth[9] = kNoVertex;
+  const auto error = meter.Measure(found, truth);
+  ASSERT_THAT(error, IsOk());
+  EXPECT_EQ(error->evaluated, 41);
+  EXPECT_EQ(error->unmatched, 1);
+  EXPECT_EQ(error->mean_over_diameter, 0);
+}
+
+TEST(GeodesicErrorTest, RefusesWhatCannotBeCompared) {
+  const GeodesicErrorMeter meter(UnitSphere(1));
+  const VertexMap truth = Identity(42);
+  EXPECT_THAT(meter.Measure(Identity(41), truth).status(),
+              StatusIs(kInvalid, HasSubstr("the map has 41 entries")));
+  VertexMap bad = truth;
+  bad[5] = 42;
+  EXPECT_THAT(meter.Measure(bad, truth).status(),
+              StatusIs(kInvalid, HasSubstr("map[5]: 42, expected 0 to 41")));
+  EXPECT_THAT(meter.Measure(truth, bad).status(),
+              StatusIs(kInvalid, HasSubstr("truth[5]")));
+  EXPECT_THAT(meter.Measure(truth, VertexMap(42, kNoVertex)).status(),
+              StatusIs(kInvalid, HasSubstr("nothing to compare")));
+}
+
+}  // namespace
+}  // namespace isomatch

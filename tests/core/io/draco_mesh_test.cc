@@ -1,0 +1,237 @@
+#include "core/io/draco_mesh.h"
+
+#include <cstdint>
+#include <random>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/support/matchers.h"
+#include "tests/support/shapes.h"
+
+namespace isomatch {
+namespace {
+
+using testing::HasSubstr;
+
+TriangleMesh RoundedToFloat(TriangleMesh mesh) {
+  mesh.positions = mesh.positions.cast<float>().cast<double>().eval();
+  return mesh;
+}
+
+// The faces as a multiset of cyclically normalised triples.
+std::vector<std::array<VertexIndex, 3>> SortedFaces(const Faces& faces) {
+  std::vector<std::array<VertexIndex, 3>> sorted;
+  for (Eigen::Index f = 0; f < faces.rows(); ++f) {
+    std::array<VertexIndex, 3> face = {faces(f, 0), faces(f, 1), faces(f, 2)};
+    std::rotate(face.begin(), std::min_element(face.begin(), face.end()),
+                face.end());
+    sorted.push_back(face);
+  }
+  std::sort(sorted.begin(), sorted.end());
+  return sorted;
+}
+
+// Encodes, decodes and expects every index, position and face back.
+VertexOrder ExpectRoundTrip(const TriangleMesh& mesh) {
+  const absl::StatusOr<EncodedMesh> encoded = EncodeDraco(mesh);
+  EXPECT_THAT(encoded, IsOk());
+  if (!encoded.ok()) return VertexOrder::kDecoded;
+  const absl::StatusOr<TriangleMesh> decoded =
+      DecodeDraco(encoded->bytes, encoded->vertex_order, mesh.num_vertices());
+  EXPECT_THAT(decoded, IsOk());
+  if (!decoded.ok()) return VertexOrder::kDecoded;
+  EXPECT_EQ(decoded->positions, RoundedToFloat(mesh).positions);
+  EXPECT_EQ(SortedFaces(decoded->faces), SortedFaces(mesh.faces));
+  return encoded->vertex_order;
+}
+
+TriangleMesh Shuffled(const TriangleMesh& mesh) {
+  return Relabelled(mesh, RandomPermutation(mesh.num_vertices(), /*seed=*/3));
+}
+
+TriangleMesh WithIsolatedVertices(TriangleMesh mesh, int count) {
+  const Eigen::Index n = mesh.positions.rows();
+  mesh.positions.conservativeResize(n + count, Eigen::NoChange);
+  mesh.positions.bottomRows(count).setConstant(7);
+  return mesh;
+}
+
+// Both meshes as one, without a common vertex.
+TriangleMesh Together(const TriangleMesh& a, const TriangleMesh& b) {
+  TriangleMesh sum;
+  sum.positions.resize(a.num_vertices() + b.num_vertices(), 3);
+  sum.positions << a.positions, b.positions;
+  sum.faces.resize(a.num_faces() + b.num_faces(), 3);
+  sum.faces << a.faces, (b.faces.array() + a.num_vertices()).matrix();
+  return sum;
+}
+
+TriangleMesh WithFace(TriangleMesh mesh, VertexIndex a, VertexIndex b,
+                      VertexIndex c) {
+  const Eigen::Index m = mesh.faces.rows();
+  mesh.faces.conservativeResize(m + 1, Eigen::NoChange);
+  mesh.faces.row(m) << a, b, c;
+  return mesh;
+}
+
+TEST(DracoMeshTest, ClosedMeshKeepsItsIndices) {
+  EXPECT_EQ(ExpectRoundTrip(Shuffled(BumpySphere(3))),
+            VertexOrder::kIdAttribute);
+}
+
+TEST(DracoMeshTest, MeshWithBoundaryKeepsItsIndices) {
+  EXPECT_EQ(ExpectRoundTrip(Shuffled(PlaneGrid(20, 30, 2, 3))),
+            VertexOrder::kIdAttribute);
+}
+
+TEST(DracoMeshTest, TetrahedronKeepsItsIndices) {
+  ExpectRoundTrip(Tetrahedron());
+}
+
+TEST(DracoMeshTest, SeveralComponentsKeepTheirIndices) {
+  ExpectRoundTrip(Shuffled(
+      Together(UnitSphere(2), Together(PlaneGrid(5, 5, 1, 1), FiveArms(2)))));
+}
+
+TEST(DracoMeshTest, VerticesAtOnePlaceStayApart) {
+  ExpectRoundTrip(Shuffled(Together(UnitSphere(1), UnitSphere(1))));
+}
+
+TEST(DracoMeshTest, FlippedComponentStaysFlipped) {
+  TriangleMesh flipped = UnitSphere(2);
+  flipped.faces.col(1).swap(flipped.faces.col(2));
+  ExpectRoundTrip(Together(flipped, UnitSphere(2)));
+}
+
+TEST(DracoMeshTest, NonManifoldEdgeKeepsItsIndices) {
+  // A fin on edge 0-1 of the grid, and a second face with turned direction.
+  TriangleMesh fin = WithIsolatedVertices(PlaneGrid(6, 6, 1, 1), 1);
+  const VertexIndex tip = fin.num_vertices() - 1;
+  fin = WithFace(WithFace(fin, 8, 9, tip), 9, 8, tip);
+  EXPECT_EQ(ExpectRoundTrip(Shuffled(fin)), VertexOrder::kIdAttribute);
+}
+
+TEST(DracoMeshTest, NonManifoldVertexKeepsItsIndex) {
+  // Two tetrahedra that touch in vertex 0.
+  TriangleMesh pair = Together(Tetrahedron(), Tetrahedron());
+  for (VertexIndex& corner : pair.faces.reshaped()) {
+    if (corner == 4) corner = 0;
+  }
+  pair.positions.row(4) = pair.positions.row(7);
+  for (VertexIndex& corner : pair.faces.reshaped()) {
+    if (corner == 7) corner = 4;
+  }
+  pair.positions.conservativeResize(7, Eigen::NoChange);
+  ExpectRoundTrip(pair);
+}
+
+TEST(DracoMeshTest, RandomFacesKeepTheirIndices) {
+  std::mt19937 random(/*seed=*/17);
+  for (int round = 0; round < 200; ++round) {
+    const int n = 4 + static_cast<int>(random() % 12);
+    TriangleMesh mesh{Positions::Random(n, 3), Faces(3 * n, 3)};
+    for (Eigen::Index f = 0; f < mesh.faces.rows(); ++f) {
+      const auto a = static_cast<VertexIndex>(f % n);
+      const auto step = static_cast<VertexIndex>(1 + random() % (n - 2));
+      const VertexIndex b = (a + step) % n;
+      mesh.faces.row(f) << a, b, (b + 1) % n == a ? (b + 2) % n : (b + 1) % n;
+    }
+    ExpectRoundTrip(mesh);
+  }
+}
+
+TEST(DracoMeshTest, IsolatedVerticesAreKept) {
+  EXPECT_EQ(ExpectRoundTrip(Shuffled(WithIsolatedVertices(UnitSphere(2), 20))),
+            VertexOrder::kDecoded);
+}
+
+TEST(DracoMeshTest, MoreIsolatedVerticesThanSequentialHoldsStillCount) {
+  const TriangleMesh mesh = WithIsolatedVertices(Tetrahedron(), 100);
+  const absl::StatusOr<EncodedMesh> encoded = EncodeDraco(mesh);
+  ASSERT_THAT(encoded, IsOk());
+  const absl::StatusOr<TriangleMesh> decoded =
+      DecodeDraco(encoded->bytes, encoded->vertex_order, 104);
+  ASSERT_THAT(decoded, IsOk());
+  EXPECT_EQ(decoded->num_vertices(), 104);
+  EXPECT_EQ(decoded->positions.topRows(4),
+            RoundedToFloat(mesh).positions.topRows(4));
+  EXPECT_EQ(SortedFaces(decoded->faces), SortedFaces(mesh.faces));
+}
+
+TEST(DracoMeshTest, FaceThatRepeatsACornerIsKept) {
+  EXPECT_EQ(ExpectRoundTrip(WithFace(UnitSphere(1), 3, 3, 5)),
+            VertexOrder::kDecoded);
+}
+
+TEST(DracoMeshTest, QuantisedPositionsAreWithinTheirStep) {
+  const TriangleMesh mesh = Shuffled(BumpySphere(3));
+  DracoOptions options;
+  options.position_bits = 14;
+  const absl::StatusOr<EncodedMesh> encoded = EncodeDraco(mesh, options);
+  ASSERT_THAT(encoded, IsOk());
+  const absl::StatusOr<TriangleMesh> decoded =
+      DecodeDraco(encoded->bytes, encoded->vertex_order, mesh.num_vertices());
+  ASSERT_THAT(decoded, IsOk());
+  const double extent = (mesh.positions.colwise().maxCoeff() -
+                         mesh.positions.colwise().minCoeff())
+                            .maxCoeff();
+  EXPECT_LT((decoded->positions - mesh.positions).cwiseAbs().maxCoeff(),
+            extent / (1 << 13));
+}
+
+TEST(DracoMeshTest, AnotherVertexCountIsRefused) {
+  const TriangleMesh mesh = WithIsolatedVertices(UnitSphere(1), 1);
+  const absl::StatusOr<EncodedMesh> encoded = EncodeDraco(mesh);
+  ASSERT_THAT(encoded, IsOk());
+  EXPECT_THAT(DecodeDraco(encoded->bytes, VertexOrder::kDecoded, 42),
+              StatusIs(absl::StatusCode::kInvalidArgument,
+                       HasSubstr("43 vertices, expected vertex_count 42")));
+}
+
+TEST(DracoMeshTest, IdBeyondVertexCountIsRefused) {
+  const absl::StatusOr<EncodedMesh> encoded = EncodeDraco(UnitSphere(1));
+  ASSERT_THAT(encoded, IsOk());
+  EXPECT_THAT(DecodeDraco(encoded->bytes, VertexOrder::kIdAttribute, 41),
+              StatusIs(absl::StatusCode::kInvalidArgument,
+                       HasSubstr("vertex_id 41, expected less than 41")));
+}
+
+TEST(DracoMeshTest, MissingIdsAreRefused) {
+  const absl::StatusOr<EncodedMesh> encoded =
+      EncodeDraco(WithIsolatedVertices(UnitSphere(1), 1));
+  ASSERT_THAT(encoded, IsOk());
+  EXPECT_THAT(DecodeDraco(encoded->bytes, VertexOrder::kIdAttribute, 0),
+              StatusIs(absl::StatusCode::kInvalidArgument,
+                       HasSubstr("name=vertex_id")));
+}
+
+TEST(DracoMeshTest, LimitsAreKept) {
+  const absl::StatusOr<EncodedMesh> encoded = EncodeDraco(UnitSphere(3));
+  ASSERT_THAT(encoded, IsOk());
+  const auto decode = [&](const DracoLimits& limits) {
+    return DecodeDraco(encoded->bytes, encoded->vertex_order, 0, limits);
+  };
+  DracoLimits exact;
+  exact.max_vertices = 642;
+  exact.max_faces = 1280;
+  EXPECT_THAT(decode(exact), IsOk());
+  DracoLimits few_vertices = exact;
+  few_vertices.max_vertices = 641;
+  EXPECT_THAT(decode(few_vertices),
+              StatusIs(absl::StatusCode::kInvalidArgument,
+                       HasSubstr("642 vertices, expected at most 641")));
+  DracoLimits few_faces = exact;
+  few_faces.max_faces = 1279;
+  EXPECT_THAT(decode(few_faces), StatusIs(absl::StatusCode::kInvalidArgument,
+                                          HasSubstr("1280 faces")));
+  DracoLimits few_bytes = exact;
+  few_bytes.max_attribute_bytes = 642 * 16 - 1;
+  EXPECT_THAT(decode(few_bytes),
+              StatusIs(absl::StatusCode::kInvalidArgument,
+                       HasSubstr("10272 bytes of attributes")));
+}
+
+}  // namespace
+}  // namespace isomatch

@@ -1,0 +1,153 @@
+#include "core/matching/matching.h"
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "core/base/random_stream.h"
+#include "core/matching/objective.h"
+#include "tests/support/brute_force.h"
+#include "tests/support/hashed_test_shape.h"
+#include "tests/support/shapes.h"
+
+namespace isomatch {
+namespace {
+
+/// Sums of some 50 x 50 single-precision terms.
+constexpr double kRounding = 2e-3;
+
+class MatchingTest : public testing::TestWithParam<int> {
+ protected:
+  MatchingTest()
+      : x_(FiveArms(3), GetParam()),
+        y_(BumpySphere(3), GetParam()),
+        matching_(x_.pool(), y_.pool(), 60) {}
+
+  int RandomUnmatched(Side side) {
+    int point = random_.Below(matching_.pool(side).size());
+    while (matching_.is_matched(side, point)) {
+      point = random_.Below(matching_.pool(side).size());
+    }
+    return point;
+  }
+
+  void AddRandom(int count) {
+    for (int i = 0; i < count; ++i) {
+      const int x = RandomUnmatched(kX);
+      matching_.Add({x, RandomUnmatched(kY)});
+    }
+  }
+
+  double Expected() const {
+    return BruteForceEnergy(x_.pool(), y_.pool(), matching_.Matches());
+  }
+
+  HashedTestShape x_;
+  HashedTestShape y_;
+  Matching matching_;
+  RandomStream random_{1, 0};
+};
+
+TEST_P(MatchingTest, EnergyAndObjectiveAreThoseOfTheFormulas) {
+  AddRandom(40);
+  EXPECT_NEAR(matching_.Energy(), Expected(), kRounding);
+  EXPECT_NEAR(EmbeddingError(matching_), Expected() / (40 * 39), 1e-6);
+  EXPECT_NEAR(Objective(matching_),
+              BruteForceObjective(x_.pool(), y_.pool(), matching_.Matches()),
+              1e-6);
+}
+
+TEST_P(MatchingTest, ChangesAreThoseOfAFullEvaluation) {
+  AddRandom(50);
+  for (int step = 0; step < 200; ++step) {
+    const double before = Expected();
+    const int i = random_.Below(50);
+    double change;
+    if (step % 2 == 0) {
+      const int j = (i + 1 + random_.Below(49)) % 50;
+      change = matching_.SwapChange(i, j);
+      matching_.Swap(i, j);
+    } else {
+      const int y = RandomUnmatched(kY);
+      change = matching_.RelocateChange(i, y);
+      matching_.Relocate(i, y);
+    }
+    ASSERT_NEAR(change, Expected() - before, kRounding) << "step " << step;
+    ASSERT_NEAR(matching_.Energy(), Expected(), kRounding) << "step " << step;
+  }
+}
+
+TEST_P(MatchingTest, StaysInjectiveAndKnowsWhatIsMatched) {
+  AddRandom(50);
+  for (int step = 0; step < 100; ++step) {
+    matching_.Relocate(random_.Below(50), RandomUnmatched(kY));
+    matching_.Swap(step % 50, (step + 7) % 50);
+  }
+  for (const Side side : {kX, kY}) {
+    std::vector<int> count(matching_.pool(side).size(), 0);
+    for (int i = 0; i < matching_.size(); ++i) {
+      ++count[matching_.point(side, i)];
+    }
+    for (std::size_t p = 0; p < count.size(); ++p) {
+      EXPECT_EQ(count[p], matching_.is_matched(side, p) ? 1 : 0);
+    }
+  }
+}
+
+TEST_P(MatchingTest, EmbeddingErrorsAreThoseOfEq8) {
+  AddRandom(30);
+  const int x = RandomUnmatched(kX);
+  std::vector<float> all;
+  matching_.EmbeddingErrors(kX, x, &all);
+  ASSERT_EQ(static_cast<int>(all.size()), y_.pool().size());
+  const std::vector<int> some = {3, 0, 40};
+  std::vector<float> errors;
+  matching_.EmbeddingErrors(kX, x, some, &errors);
+  for (std::size_t c = 0; c < some.size(); ++c) {
+    double expected = 0;
+    for (const PointMatch& match : matching_.Matches()) {
+      expected += std::abs(
+          x_.closeness()(x_.pool().vertex(x), x_.pool().vertex(match.x)) -
+          y_.closeness()(y_.pool().vertex(some[c]), y_.pool().vertex(match.y)));
+    }
+    EXPECT_NEAR(errors[c], expected, 1e-4);
+    EXPECT_NEAR(all[some[c]], expected, 1e-4);
+  }
+}
+
+TEST_P(MatchingTest, FarthestUnmatchedIsLeastCloseToAllMatches) {
+  AddRandom(20);
+  for (const Side side : {kX, kY}) {
+    const PointPool& pool = matching_.pool(side);
+    const auto nearest_match = [&](int p) {
+      float most = 0;
+      for (int i = 0; i < matching_.size(); ++i) {
+        most = std::max(
+            most, pool.closeness()(pool.vertex(p),
+                                   pool.vertex(matching_.point(side, i))));
+      }
+      return most;
+    };
+    const float least = nearest_match(matching_.FarthestUnmatched(side));
+    for (int p = 0; p < pool.size(); ++p) {
+      if (!matching_.is_matched(side, p)) {
+        EXPECT_GE(nearest_match(p), least - 1e-6);
+      }
+    }
+  }
+}
+
+TEST_P(MatchingTest, NoPointIsLeftWhenAllAreMatched) {
+  const HashedTestShape small(Tetrahedron(), GetParam());
+  Matching matching(small.pool(), small.pool(), 4);
+  for (int p = 0; p < 4; ++p) matching.Add({p, p});
+  EXPECT_EQ(matching.FarthestUnmatched(kX), -1);
+  EXPECT_NEAR(matching.Energy(), 0, 1e-6);
+}
+
+INSTANTIATE_TEST_SUITE_P(Pools, MatchingTest, testing::Values(100, 0));
+
+}  // namespace
+}  // namespace isomatch

@@ -1,0 +1,162 @@
+#include "core/mesh/clean_mesh.h"
+
+#include <cmath>
+#include <utility>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "core/mesh/mesh_geometry.h"
+#include "core/mesh/topology.h"
+#include "tests/support/shapes.h"
+
+namespace isomatch {
+namespace {
+
+using testing::Contains;
+using testing::HasSubstr;
+
+/// Every face with corners of its own, as STL files have them.
+TriangleMesh Unwelded(const TriangleMesh& mesh) {
+  TriangleMesh soup;
+  soup.positions.resize(3 * mesh.num_faces(), 3);
+  soup.faces.resize(mesh.num_faces(), 3);
+  for (VertexIndex f = 0; f < mesh.num_faces(); ++f) {
+    for (int corner = 0; corner < 3; ++corner) {
+      soup.faces(f, corner) = 3 * f + corner;
+      soup.positions.row(3 * f + corner) =
+          mesh.positions.row(mesh.faces(f, corner));
+    }
+  }
+  return soup;
+}
+
+double Volume(const TriangleMesh& mesh) {
+  double volume = 0;
+  for (VertexIndex f = 0; f < mesh.num_faces(); ++f) {
+    volume += SignedVolume6(mesh, f, {0, 0, 0}) / 6;
+  }
+  return volume;
+}
+
+TEST(CleanTest, LeavesAGoodMeshAlone) {
+  const TriangleMesh mesh = FiveArms(2);
+  const CleanMesh clean = Clean(mesh);
+  EXPECT_TRUE(clean.oriented);
+  EXPECT_TRUE(clean.warnings.empty());
+  EXPECT_EQ(clean.mesh.positions, mesh.positions);
+  EXPECT_EQ(clean.mesh.faces, mesh.faces);
+}
+
+TEST(CleanTest, JoinsTheCornersOfATriangleSoup) {
+  const TriangleMesh mesh = UnitSphere(2);
+  const CleanMesh clean = Clean(Unwelded(mesh));
+  EXPECT_EQ(clean.mesh.num_vertices(), mesh.num_vertices());
+  EXPECT_EQ(EdgeFaces(clean.mesh.faces).boundary_edges(), 0);
+  EXPECT_THAT(clean.warnings, Contains(HasSubstr("coincide")));
+  for (const VertexIndex v : clean.clean_from_original) EXPECT_GE(v, 0);
+}
+
+TEST(CleanTest, ClosedSurfacesThatTouchStayApart) {
+  // Two tetrahedra that share a corner's place, but no face.
+  TriangleMesh two;
+  two.positions.resize(8, 3);
+  two.positions << Tetrahedron().positions, -Tetrahedron().positions;
+  two.faces.resize(8, 3);
+  two.faces << Tetrahedron().faces,
+      (Tetrahedron().faces.array() + 4).matrix().rowwise().reverse();
+  ASSERT_EQ(two.positions.row(0), two.positions.row(4));
+  const CleanMesh clean = Clean(two);
+  EXPECT_EQ(clean.mesh.num_vertices(), 8);
+  EXPECT_EQ(ConnectedComponents(clean.mesh).count, 2);
+}
+
+TEST(CleanTest, KeepsTheWayBackForVerticesOnNoFace) {
+  TriangleMesh mesh = Tetrahedron();
+  Positions with_lone(5, 3);
+  with_lone << mesh.positions.topRows(1), Eigen::RowVector3d(7, 7, 7),
+      mesh.positions.bottomRows(3);
+  mesh.positions = with_lone;
+  mesh.faces =
+      mesh.faces.unaryExpr([](VertexIndex v) { return v == 0 ? v : v + 1; });
+  const CleanMesh clean = Clean(mesh);
+  EXPECT_EQ(clean.clean_from_original, (VertexMap{0, kNoVertex, 1, 2, 3}));
+  EXPECT_EQ(clean.original_from_clean, (VertexMap{0, 2, 3, 4}));
+  EXPECT_THAT(clean.warnings, Contains(HasSubstr("1 vertices are on no face")));
+}
+
+TEST(CleanTest, DropsDegenerateAndRepeatedFaces) {
+  TriangleMesh mesh = Tetrahedron();
+  Faces faces(7, 3);
+  faces << mesh.faces, 1, 1, 2, mesh.faces.row(0), mesh.faces(1, 1),
+      mesh.faces(1, 0), mesh.faces(1, 2);
+  mesh.faces = faces;
+  const CleanMesh clean = Clean(mesh);
+  EXPECT_EQ(clean.mesh.num_faces(), 4);
+  EXPECT_THAT(clean.warnings,
+              Contains(HasSubstr("3 degenerate or repeated faces")));
+}
+
+TEST(CleanTest, TurnsAnInsideOutMeshOutwards) {
+  TriangleMesh mesh = FiveArms(2);
+  const double volume = Volume(mesh);
+  mesh.faces.col(1).swap(mesh.faces.col(2));
+  ASSERT_LT(Volume(mesh), 0);
+  const CleanMesh clean = Clean(mesh);
+  EXPECT_NEAR(Volume(clean.mesh), volume, 1e-9);
+}
+
+TEST(CleanTest, AFlatSheetKeepsTheOrientationOfTheFile) {
+  const TriangleMesh sheet = PlaneGrid(7, 5, 2, 1);
+  for (const double scale : {0.1, 1.0, 7.0}) {
+    EXPECT_EQ(Clean(Moved(sheet, scale)).mesh.faces, sheet.faces);
+  }
+}
+
+TEST(CleanTest, MakesMixedOrientationConsistent) {
+  TriangleMesh mesh = FiveArms(2);
+  const double volume = Volume(mesh);
+  for (VertexIndex f = 0; f < mesh.num_faces(); f += 3) {
+    std::swap(mesh.faces(f, 0), mesh.faces(f, 1));
+  }
+  const CleanMesh clean = Clean(mesh);
+  EXPECT_TRUE(clean.oriented);
+  EXPECT_NEAR(Volume(clean.mesh), volume, 1e-9);
+}
+
+TEST(CleanTest, SaysThatAMoebiusStripHasNoOrientation) {
+  constexpr int kSteps = 12;
+  TriangleMesh strip;
+  strip.positions.resize(2 * kSteps, 3);
+  strip.faces.resize(2 * kSteps, 3);
+  for (int i = 0; i < kSteps; ++i) {
+    const double angle = 2 * M_PI * i / kSteps;
+    for (int side = 0; side < 2; ++side) {
+      const double across = side == 0 ? -0.3 : 0.3;
+      const double radius = 1 + across * std::cos(angle / 2);
+      strip.positions.row(2 * i + side) << radius * std::cos(angle),
+          radius * std::sin(angle), across * std::sin(angle / 2);
+    }
+    // After one turn, top and bottom have changed places.
+    const bool last = i + 1 == kSteps;
+    const int next_low = last ? 1 : 2 * i + 2;
+    const int next_high = last ? 0 : 2 * i + 3;
+    strip.faces.row(2 * i) << 2 * i, next_low, 2 * i + 1;
+    strip.faces.row(2 * i + 1) << 2 * i + 1, next_low, next_high;
+  }
+  EXPECT_FALSE(Clean(strip).oriented);
+}
+
+TEST(CleanTest, IsIdempotentAndDoesNotDependOnScale) {
+  TriangleMesh mesh = Unwelded(FiveArms(1));
+  for (const double scale : {1e-8, 1.0, 1e8}) {
+    const CleanMesh once = Clean(Moved(mesh, scale));
+    const CleanMesh twice = Clean(once.mesh);
+    EXPECT_EQ(once.mesh.num_vertices(), FiveArms(1).num_vertices());
+    EXPECT_EQ(once.mesh.faces, twice.mesh.faces);
+    EXPECT_EQ(once.mesh.positions, twice.mesh.positions);
+  }
+}
+
+}  // namespace
+}  // namespace isomatch

@@ -1,0 +1,62 @@
+#include "core/mesh/topology.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/support/shapes.h"
+
+namespace isomatch {
+namespace {
+
+TEST(EdgeFacesTest, OppositeOfOppositeIsTheSideItself) {
+  const TriangleMesh sphere = UnitSphere(2);
+  const EdgeFaces edges(sphere.faces);
+  EXPECT_EQ(edges.boundary_edges(), 0);
+  for (VertexIndex f = 0; f < sphere.num_faces(); ++f) {
+    for (int corner = 0; corner < 3; ++corner) {
+      const auto other = edges.Opposite(f, corner);
+      ASSERT_NE(other.face, kNoVertex);
+      EXPECT_NE(other.face, f);
+      const auto back = edges.Opposite(other.face, other.corner);
+      EXPECT_EQ(back.face, f);
+      EXPECT_EQ(back.corner, corner);
+      // Both faces of a consistently oriented surface run oppositely.
+      EXPECT_EQ(sphere.faces(f, corner),
+                sphere.faces(other.face, (other.corner + 1) % 3));
+    }
+  }
+}
+
+TEST(EdgeFacesTest, CountsTheRimOfARectangle) {
+  const TriangleMesh plane = PlaneGrid(5, 3, 1, 1);
+  EXPECT_EQ(EdgeFaces(plane.faces).boundary_edges(), 2 * (5 + 3));
+}
+
+TEST(EdgeFacesTest, ThreeFacesAtAnEdgeAreNonManifold) {
+  Faces fan(3, 3);
+  fan << 0, 1, 2, 0, 1, 3, 0, 1, 4;
+  const EdgeFaces edges(fan);
+  EXPECT_EQ(edges.nonmanifold_edges(), 1);
+  EXPECT_EQ(edges.boundary_edges(), 6);
+  EXPECT_EQ(edges.Opposite(0, 0).face, kNoVertex);
+}
+
+TEST(ConnectedComponentsTest, TellsTwoSpheresAndALoneVertexApart) {
+  const TriangleMesh sphere = UnitSphere(1);
+  const VertexIndex n = sphere.num_vertices();
+  TriangleMesh two;
+  two.positions.resize(2 * n + 1, 3);
+  two.positions << sphere.positions, sphere.positions,
+      Eigen::RowVector3d(9, 9, 9);
+  two.faces.resize(2 * sphere.num_faces(), 3);
+  two.faces << sphere.faces, (sphere.faces.array() + n).matrix();
+  const Components components = ConnectedComponents(two);
+  EXPECT_EQ(components.count, 3);
+  for (VertexIndex v = 0; v < n; ++v) {
+    EXPECT_EQ(components.of_vertex[v], 0);
+    EXPECT_EQ(components.of_vertex[n + v], 1);
+  }
+  EXPECT_EQ(components.of_vertex[2 * n], 2);
+}
+
+}  // namespace
+}  // namespace isomatch

@@ -1,0 +1,81 @@
+#include <cstdint>
+#include <fstream>
+#include <limits>
+#include <string>
+#include <utility>
+
+#include <gtest/gtest.h>
+
+#include "core/pipeline/matcher.h"
+#include "tests/support/matchers.h"
+#include "tests/support/shapes.h"
+
+namespace isomatch {
+namespace {
+
+/// A figure of /proc/self/status in bytes.
+std::int64_t ProcessBytes(const std::string& name) {
+  std::ifstream status("/proc/self/status");
+  std::string word;
+  std::int64_t kilobytes = 0;
+  while (status >> word) {
+    if (word == name + ":" && status >> kilobytes) return 1024 * kilobytes;
+  }
+  return 0;
+}
+
+MeshSize SizeOf(const TriangleMesh& mesh) {
+  return {mesh.num_vertices(), mesh.num_faces()};
+}
+
+/// Forgets the high-water mark of what ran before in this process.
+void ResetHighWaterMark() { std::ofstream("/proc/self/clear_refs") << "5"; }
+
+class MemoryEstimateTest
+    : public testing::TestWithParam<std::pair<Profile, int>> {};
+
+TEST_P(MemoryEstimateTest, IsAnUpperBoundAndNotAWildOne) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  GTEST_SKIP() << "sanitizers change what a process allocates";
+#endif
+  const auto [profile, levels] = GetParam();
+  const TriangleMesh x = FiveArms(levels);
+  const TriangleMesh y = Moved(x, 2);
+  MatchOptions options = MatchOptions::ForProfile(profile);
+  if (profile == Profile::kPaper) options.max_seeds = 6;
+  ResetHighWaterMark();
+  const std::int64_t before = ProcessBytes("VmRSS");
+  ASSERT_THAT(Match(x, y, {}, options), IsOk());
+  const std::int64_t measured = ProcessBytes("VmHWM") - before;
+  const std::int64_t estimate =
+      EstimateMemoryBytes(SizeOf(x), SizeOf(y), 0, options);
+  RecordProperty("measured_bytes", std::to_string(measured));
+  RecordProperty("estimate_bytes", std::to_string(estimate));
+  EXPECT_GE(estimate, measured);
+  EXPECT_LE(estimate, 3 * measured + (std::int64_t{64} << 20));
+}
+
+INSTANTIATE_TEST_SUITE_P(Sizes, MemoryEstimateTest,
+                         testing::Values(std::pair{Profile::kDefault, 3},
+                                         std::pair{Profile::kDefault, 5},
+                                         std::pair{Profile::kPaper, 3},
+                                         std::pair{Profile::kPaper, 5}));
+
+TEST(MemoryEstimateGrowthTest, GrowsLikeNTimesRootNAtMost) {
+  const MatchOptions options;
+  const auto estimate = [&](std::int64_t n) {
+    return double(EstimateMemoryBytes({n, 2 * n}, {n, 2 * n}, 0, options));
+  };
+  // A factor of 100 in n: at most 1000 in memory, at least 50.
+  EXPECT_LT(estimate(10'000'000) / estimate(100'000), 1000);
+  EXPECT_GT(estimate(10'000'000) / estimate(100'000), 50);
+}
+
+TEST(MemoryEstimateGrowthTest, HostileSizesDoNotWrapAround) {
+  constexpr std::int64_t kHuge = std::numeric_limits<std::int64_t>::max();
+  EXPECT_GT(EstimateMemoryBytes({kHuge, kHuge}, {4, 4}, kHuge, {}),
+            std::int64_t{1} << 60);
+}
+
+}  // namespace
+}  // namespace isomatch

@@ -1,0 +1,45 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "core/base/vertex_index.h"
+#include "core/mesh/triangle_mesh.h"
+
+namespace isomatch {
+
+/// The icosahedron subdivided `levels` times onto the unit sphere: 10 4^levels
+/// + 2 vertices, outward.
+TriangleMesh UnitSphere(int levels);
+
+/// [0, width] x [0, height] in the plane z = 0, in right triangles: (columns +
+/// 1) (rows + 1) vertices, row by row, normals +z.
+TriangleMesh PlaneGrid(int columns, int rows, double width, double height);
+
+/// Four vertices, four faces, all edges of different lengths, outward.
+TriangleMesh Tetrahedron();
+
+/// A closed blob without symmetry: the unit sphere with bumps of different
+/// heights in different directions, so that it can be matched to itself in
+/// one way only.
+TriangleMesh BumpySphere(int levels);
+
+/// A closed hand-like star: the sphere with five long arms at uneven angles
+/// and of uneven lengths; its extremities make seeds easy.
+TriangleMesh FiveArms(int levels);
+
+/// A closed blob with bumps that is its own mirror image in the plane z = 0,
+/// and in no other way like itself.
+TriangleMesh MirrorSymmetricBody(int levels);
+
+/// `mesh` with vertex v renamed to new_from_old[v].
+TriangleMesh Relabelled(const TriangleMesh& mesh,
+                        const std::vector<VertexIndex>& new_from_old);
+
+/// A permutation of 0..n-1.
+std::vector<VertexIndex> RandomPermutation(VertexIndex n, std::uint64_t seed);
+
+/// `mesh` scaled, rotated and shifted.
+TriangleMesh Moved(const TriangleMesh& mesh, double scale);
+
+}  // namespace isomatch
