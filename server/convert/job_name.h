@@ -1,0 +1,15 @@
+#pragma once
+
+#include <string>
+
+#include "absl/status/statusor.h"
+
+namespace isomatch {
+
+/// "jobs/" and the id; empty for a job without an id (validate_only).
+std::string JobName(const std::string& id);
+
+/// Returns the id. INVALID_ARGUMENT when `name` is not "jobs/" and an id.
+absl::StatusOr<std::string> ParseJobName(const std::string& name);
+
+}  // namespace isomatch

@@ -1,0 +1,16 @@
+#pragma once
+
+#include "absl/status/statusor.h"
+#include "isomatch/v1/service.pb.h"
+#include "server/jobs/job_manager.h"
+#include "server/storage/job_record.h"
+
+namespace isomatch {
+
+/// Returns the job as clients see it.
+v1::Job ToProto(const JobSnapshot& snapshot);
+
+/// Returns the state; INVALID_ARGUMENT on `field` when it is not one.
+absl::StatusOr<JobState> ParseJobState(int state, const std::string& field);
+
+}  // namespace isomatch

@@ -1,0 +1,251 @@
+#include "server/convert/parse_create_job.h"
+
+#include <algorithm>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include <google/protobuf/io/coded_stream.h>
+#include <google/protobuf/io/zero_copy_stream_impl_lite.h>
+
+#include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
+#include "core/io/draco_mesh.h"
+#include "server/convert/digest.h"
+#include "server/jobs/errors.h"
+#include "server/storage/sha256.h"
+
+namespace isomatch {
+namespace {
+
+absl::StatusOr<VertexOrder> ParseVertexOrder(v1::VertexOrder order,
+                                             const std::string& field) {
+  switch (order) {
+    case v1::VERTEX_ORDER_UNSPECIFIED:
+    case v1::VERTEX_ORDER_DECODED:
+      return VertexOrder::kDecoded;
+    case v1::VERTEX_ORDER_ID_ATTRIBUTE:
+      return VertexOrder::kIdAttribute;
+    default:
+      return InvalidField(field,
+                          absl::StrCat(order, ", expected a VertexOrder"));
+  }
+}
+
+/// The bytes of a mesh: within the request, or from the store, which `held`
+/// then keeps from being evicted.
+absl::StatusOr<absl::string_view> FindBytes(const v1::Mesh& mesh,
+                                            const std::string& field,
+                                            const ParseContext& context,
+                                            BlobStore::Blob& held) {
+  if (mesh.has_draco()) return absl::string_view(mesh.draco());
+  if (!mesh.has_digest()) {
+    return InvalidField(field, "no source, expected draco or digest");
+  }
+  const v1::Digest& digest = mesh.digest();
+  const std::string path = field + ".digest";
+  ISOMATCH_RETURN_IF_ERROR(ValidateDigest(digest, path, context.limits));
+  held = context.blobs->Get(digest.sha256());
+  if (held == nullptr) return MeshMissing(path, digest.sha256());
+  if (digest.size_bytes() != held->size()) {
+    return InvalidField(
+        path + ".size_bytes",
+        absl::StrCat(digest.size_bytes(), ", expected ", held->size()));
+  }
+  return absl::string_view(*held);
+}
+
+absl::StatusOr<TriangleMesh> ParseMesh(const v1::Mesh& mesh,
+                                       const std::string& field,
+                                       const ParseContext& context) {
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const VertexOrder order,
+      ParseVertexOrder(mesh.vertex_order(), field + ".vertex_order"));
+  const DracoLimits& limits = context.limits.draco;
+  if (mesh.vertex_count() > limits.max_vertices) {
+    return InvalidField(field + ".vertex_count",
+                        absl::StrCat(mesh.vertex_count(), ", expected at most ",
+                                     limits.max_vertices));
+  }
+  BlobStore::Blob held;
+  ISOMATCH_ASSIGN_OR_RETURN(const absl::string_view bytes,
+                            FindBytes(mesh, field, context, held));
+  auto decoded = DecodeDraco(bytes, order, mesh.vertex_count(), limits);
+  if (!decoded.ok()) {
+    return MeshMalformed(field + (held ? ".digest" : ".draco"),
+                         std::string(decoded.status().message()));
+  }
+  const absl::Status valid = ValidateMesh(*decoded, field);
+  if (!valid.ok()) {
+    return MeshMalformed(LeadingFieldPath(valid.message(), field),
+                         std::string(valid.message()));
+  }
+  return decoded;
+}
+
+absl::Status CheckRange(std::int64_t vertex, std::int64_t vertices,
+                        const std::string& field) {
+  if (vertex < vertices) return absl::OkStatus();
+  return MatchOutOfRange(field, vertex, vertices);
+}
+
+/// Which vertices are on a face.
+std::vector<bool> OnSurface(const TriangleMesh& mesh) {
+  std::vector<bool> on_surface(static_cast<size_t>(mesh.num_vertices()));
+  for (const VertexIndex v : mesh.faces.reshaped()) {
+    on_surface[static_cast<size_t>(v)] = true;
+  }
+  return on_surface;
+}
+
+/// REQUIRES: the landmarks are in range.
+absl::Status CheckLandmarksOnSurface(const JobSpec& spec) {
+  const std::vector<bool> on_x = OnSurface(spec.mesh_x);
+  const std::vector<bool> on_y = OnSurface(spec.mesh_y);
+  for (size_t i = 0; i < spec.landmarks.size(); ++i) {
+    const Landmark& landmark = spec.landmarks[i];
+    const bool x_is_on = on_x[static_cast<size_t>(landmark.x)];
+    if (x_is_on && on_y[static_cast<size_t>(landmark.y)]) continue;
+    return InvalidField(
+        absl::StrCat("landmarks[", i, x_is_on ? "].y" : "].x"),
+        absl::StrCat("vertex ", x_is_on ? landmark.y : landmark.x,
+                     " is on no face, expected one of the surface"));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status ParseLandmarks(const v1::CreateJobRequest& request,
+                            const ParseContext& context, JobSpec& spec) {
+  if (request.landmarks_size() > context.limits.max_landmarks) {
+    return InvalidField(
+        "landmarks",
+        absl::StrCat(request.landmarks_size(), " of them, expected at most ",
+                     context.limits.max_landmarks));
+  }
+  for (int i = 0; i < request.landmarks_size(); ++i) {
+    const v1::Landmark& landmark = request.landmarks(i);
+    const std::string field = absl::StrCat("landmarks[", i, "]");
+    ISOMATCH_RETURN_IF_ERROR(
+        CheckRange(landmark.x(), spec.mesh_x.num_vertices(), field + ".x"));
+    ISOMATCH_RETURN_IF_ERROR(
+        CheckRange(landmark.y(), spec.mesh_y.num_vertices(), field + ".y"));
+    spec.landmarks.push_back({static_cast<VertexIndex>(landmark.x()),
+                              static_cast<VertexIndex>(landmark.y())});
+  }
+  const absl::Status valid = context.runner->ValidateLandmarks(spec);
+  if (valid.ok()) return CheckLandmarksOnSurface(spec);
+  return LandmarksContradict(LeadingFieldPath(valid.message(), "landmarks"),
+                             std::string(valid.message()));
+}
+
+absl::Status ParseOptions(const v1::MatchOptions& proto, int threads_per_job,
+                          JobSpec& spec) {
+  if (!v1::Profile_IsValid(proto.profile())) {
+    return InvalidField("options.profile",
+                        absl::StrCat(proto.profile(), ", expected a Profile"));
+  }
+  if (proto.threads() > RequestLimits::kMaxThreads) {
+    return InvalidField("options.threads",
+                        absl::StrCat(proto.threads(), ", expected 0 to ",
+                                     RequestLimits::kMaxThreads));
+  }
+  const bool paper = proto.profile() == v1::PROFILE_PAPER;
+  spec.options =
+      MatchOptions::ForProfile(paper ? Profile::kPaper : Profile::kDefault);
+  spec.options.random_seed = proto.random_seed();
+  const int threads = static_cast<int>(proto.threads());
+  spec.options.threads =
+      threads == 0 ? threads_per_job : std::min(threads, threads_per_job);
+  if (threads > threads_per_job) {
+    spec.warnings.push_back(absl::StrCat("threads: ", threads,
+                                         " were asked for, this server gives "
+                                         "a job at most ",
+                                         threads_per_job));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status ParseLabels(const v1::CreateJobRequest& request, JobSpec& spec) {
+  if (request.labels_size() > RequestLimits::kMaxLabels) {
+    return InvalidField("labels", absl::StrCat(request.labels_size(),
+                                               " of them, expected at most ",
+                                               RequestLimits::kMaxLabels));
+  }
+  for (const auto& [key, value] : request.labels()) {
+    if (key.empty() || key.size() > RequestLimits::kMaxLabelKeyBytes ||
+        value.size() > RequestLimits::kMaxLabelValueBytes) {
+      return InvalidField("labels",
+                          absl::StrCat("expected keys of 1 to ",
+                                       RequestLimits::kMaxLabelKeyBytes,
+                                       " bytes and values of at most ",
+                                       RequestLimits::kMaxLabelValueBytes));
+    }
+    spec.labels[key] = value;
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<std::optional<absl::Duration>> ParseTimeout(
+    bool is_set, const google::protobuf::Duration& proto,
+    const std::string& field) {
+  constexpr std::int64_t kMaxSeconds = 30LL * 24 * 3600;
+  constexpr int kNanos = 1'000'000'000;
+  if (!is_set) return std::nullopt;
+  const bool in_range = proto.seconds() >= 0 && proto.seconds() < kMaxSeconds &&
+                        proto.nanos() >= 0 && proto.nanos() < kNanos;
+  if (!in_range || (proto.seconds() == 0 && proto.nanos() == 0)) {
+    return InvalidField(field, "expected more than 0 s and at most 30 days");
+  }
+  return absl::Seconds(proto.seconds()) + absl::Nanoseconds(proto.nanos());
+}
+
+/// Everything that can be checked without decoding.
+absl::Status ParseScalars(const v1::CreateJobRequest& request,
+                          const ParseContext& context, JobSpec& spec) {
+  if (request.request_id().size() > RequestLimits::kMaxRequestIdBytes) {
+    return InvalidField(
+        "request_id",
+        absl::StrCat(request.request_id().size(), " bytes, expected at most ",
+                     RequestLimits::kMaxRequestIdBytes));
+  }
+  spec.request_id = request.request_id();
+  spec.validate_only = request.validate_only();
+  ISOMATCH_RETURN_IF_ERROR(ParseLabels(request, spec));
+  ISOMATCH_RETURN_IF_ERROR(
+      ParseOptions(request.options(), context.threads_per_job, spec));
+  ISOMATCH_ASSIGN_OR_RETURN(
+      spec.queue_timeout,
+      ParseTimeout(request.has_queue_timeout(), request.queue_timeout(),
+                   "queue_timeout"));
+  ISOMATCH_ASSIGN_OR_RETURN(spec.run_timeout,
+                            ParseTimeout(request.has_run_timeout(),
+                                         request.run_timeout(), "run_timeout"));
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+std::string RequestSha256(const v1::CreateJobRequest& request) {
+  std::string bytes;
+  {
+    google::protobuf::io::StringOutputStream stream(&bytes);
+    google::protobuf::io::CodedOutputStream coded(&stream);
+    coded.SetSerializationDeterministic(true);
+    request.SerializeToCodedStream(&coded);
+  }
+  return Sha256Hex(bytes);
+}
+
+absl::StatusOr<JobSpec> ParseCreateJob(const v1::CreateJobRequest& request,
+                                       const ParseContext& context) {
+  JobSpec spec;
+  ISOMATCH_RETURN_IF_ERROR(ParseScalars(request, context, spec));
+  ISOMATCH_ASSIGN_OR_RETURN(spec.mesh_x,
+                            ParseMesh(request.mesh_x(), "mesh_x", context));
+  ISOMATCH_ASSIGN_OR_RETURN(spec.mesh_y,
+                            ParseMesh(request.mesh_y(), "mesh_y", context));
+  ISOMATCH_RETURN_IF_ERROR(ParseLandmarks(request, context, spec));
+  return spec;
+}
+
+}  // namespace isomatch

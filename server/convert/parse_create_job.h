@@ -1,0 +1,34 @@
+#pragma once
+
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "isomatch/v1/service.pb.h"
+#include "server/convert/request_limits.h"
+#include "server/jobs/job_runner.h"
+#include "server/jobs/job_spec.h"
+#include "server/storage/blob_store.h"
+
+namespace isomatch {
+
+/// What a request is read with.
+struct ParseContext {
+  BlobStore* blobs;
+  const JobRunner* runner;
+  RequestLimits limits;
+  /// What a job gets that asks for 0 threads, and the most it gets.
+  int threads_per_job = 1;
+};
+
+/// Returns the SHA-256 of the request, the same for equal requests.
+std::string RequestSha256(const v1::CreateJobRequest& request);
+
+/// Returns the job that the request describes, its meshes decoded and all
+/// checked; request_sha256 is left empty. Errors name the field:
+/// INVALID_ARGUMENT (INVALID_FIELD, MESH_MALFORMED, MESH_TOO_LARGE,
+/// MATCH_OUT_OF_RANGE, LANDMARKS_CONTRADICT), FAILED_PRECONDITION
+/// (MESH_MISSING).
+absl::StatusOr<JobSpec> ParseCreateJob(const v1::CreateJobRequest& request,
+                                       const ParseContext& context);
+
+}  // namespace isomatch

@@ -1,0 +1,239 @@
+#include "server/jobs/errors.h"
+
+#include <initializer_list>
+#include <utility>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/cord.h"
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/strip.h"
+
+namespace isomatch {
+namespace {
+
+// Details travel as payloads of the status under these names.
+constexpr char kReason[] = "isomatch/reason";
+constexpr char kField[] = "isomatch/field";
+constexpr char kRetryAfter[] = "isomatch/retry_after";
+constexpr char kMetadata[] = "isomatch/metadata/";
+
+using Metadata =
+    std::initializer_list<std::pair<absl::string_view, std::string>>;
+
+absl::Status Make(absl::StatusCode code, absl::string_view reason,
+                  const std::string& message, Metadata metadata = {}) {
+  absl::Status status(code, message);
+  status.SetPayload(kReason, absl::Cord(reason));
+  for (const auto& [key, value] : metadata) {
+    status.SetPayload(absl::StrCat(kMetadata, key), absl::Cord(value));
+  }
+  return status;
+}
+
+absl::Status WithField(absl::Status status, const std::string& field) {
+  status.SetPayload(kField, absl::Cord(field));
+  return status;
+}
+
+absl::Status WithRetry(absl::Status status, absl::Duration retry_after) {
+  status.SetPayload(kRetryAfter, absl::Cord(absl::FormatDuration(retry_after)));
+  return status;
+}
+
+absl::Status Invalid(absl::string_view reason, const std::string& field,
+                     const std::string& problem, Metadata metadata = {}) {
+  // Messages of core begin with the field already.
+  const std::string message = absl::StartsWith(problem, field)
+                                  ? problem
+                                  : absl::StrCat(field, ": ", problem);
+  return WithField(
+      Make(absl::StatusCode::kInvalidArgument, reason, message, metadata),
+      field);
+}
+
+absl::Status WrongState(absl::string_view reason, const std::string& id,
+                        JobState state, absl::string_view expected) {
+  const std::string name = JobStateName(state);
+  return Make(absl::StatusCode::kFailedPrecondition, reason,
+              absl::StrCat("jobs/", id, " is ", name, ", not ", expected),
+              {{"job", absl::StrCat("jobs/", id)}, {"state", name}});
+}
+
+absl::Status Timeout(absl::string_view reason, absl::string_view what,
+                     absl::Duration limit) {
+  const std::string text = absl::FormatDuration(limit);
+  return Make(absl::StatusCode::kDeadlineExceeded, reason,
+              absl::StrCat(what, " for more than ", text), {{"limit", text}});
+}
+
+}  // namespace
+
+absl::Status InvalidField(const std::string& field,
+                          const std::string& problem) {
+  return Invalid("INVALID_FIELD", field, problem);
+}
+
+absl::Status MeshMalformed(const std::string& field,
+                           const std::string& problem) {
+  return Invalid("MESH_MALFORMED", field, problem);
+}
+
+absl::Status MeshTooLarge(const std::string& field, std::int64_t size_bytes,
+                          std::int64_t limit_bytes) {
+  return Invalid(
+      "MESH_TOO_LARGE", field,
+      absl::StrCat(size_bytes, " bytes, expected at most ", limit_bytes),
+      {{"size_bytes", absl::StrCat(size_bytes)},
+       {"limit_bytes", absl::StrCat(limit_bytes)}});
+}
+
+absl::Status MatchOutOfRange(const std::string& field, std::int64_t value,
+                             std::int64_t vertices) {
+  return Invalid(
+      "MATCH_OUT_OF_RANGE", field,
+      absl::StrCat(value, ", expected less than the ", vertices,
+                   " vertices of the mesh"),
+      {{"value", absl::StrCat(value)}, {"vertices", absl::StrCat(vertices)}});
+}
+
+absl::Status LandmarksContradict(const std::string& field,
+                                 const std::string& problem) {
+  return Invalid("LANDMARKS_CONTRADICT", field, problem);
+}
+
+absl::Status UploadMalformed(const std::string& problem) {
+  return Invalid("UPLOAD_MALFORMED", "part", problem);
+}
+
+absl::Status DigestMismatch(const std::string& expected,
+                            const std::string& found) {
+  return Invalid("DIGEST_MISMATCH", "header.sha256",
+                 absl::StrCat("the chunks have ", found, ", not ", expected),
+                 {{"expected", expected}, {"found", found}});
+}
+
+absl::Status QueueFull(std::int64_t queued_jobs, absl::Duration retry_after) {
+  return WithRetry(
+      Make(absl::StatusCode::kResourceExhausted, "QUEUE_FULL",
+           absl::StrCat("the queue is full, ", queued_jobs, " jobs wait"),
+           {{"queued_jobs", absl::StrCat(queued_jobs)}}),
+      retry_after);
+}
+
+absl::Status UploadQuota(std::int64_t size_bytes, absl::Duration retry_after) {
+  return WithRetry(Make(absl::StatusCode::kResourceExhausted, "UPLOAD_QUOTA",
+                        absl::StrCat("no room for ", size_bytes, " bytes now"),
+                        {{"size_bytes", absl::StrCat(size_bytes)}}),
+                   retry_after);
+}
+
+absl::Status OutOfMemory() {
+  return Make(absl::StatusCode::kResourceExhausted, "OUT_OF_MEMORY",
+              "the server ran out of memory for this job");
+}
+
+absl::Status JobNeedsMoreMemoryThanBudget(std::int64_t needed_bytes,
+                                          std::int64_t budget_bytes) {
+  return Make(
+      absl::StatusCode::kFailedPrecondition,
+      "JOB_NEEDS_MORE_MEMORY_THAN_BUDGET",
+      absl::StrCat("the job may need ", needed_bytes, " bytes, the server has ",
+                   budget_bytes, "; retrying does not help"),
+      {{"needed_bytes", absl::StrCat(needed_bytes)},
+       {"budget_bytes", absl::StrCat(budget_bytes)}});
+}
+
+absl::Status MeshMissing(const std::string& field, const std::string& sha256) {
+  return WithField(
+      Make(absl::StatusCode::kFailedPrecondition, "MESH_MISSING",
+           absl::StrCat(field, ": no mesh ", sha256,
+                        " here; send it with UploadMesh, then try again"),
+           {{"sha256", sha256}}),
+      field);
+}
+
+absl::Status JobIsTerminal(const std::string& id, JobState state) {
+  return WrongState("JOB_TERMINAL", id, state, "QUEUED or RUNNING");
+}
+
+absl::Status JobIsNotTerminal(const std::string& id, JobState state) {
+  return WrongState("JOB_NOT_TERMINAL", id, state, "terminal");
+}
+
+absl::Status JobHasNoResult(const std::string& id, JobState state) {
+  return WrongState("JOB_NOT_SUCCEEDED", id, state, "SUCCEEDED");
+}
+
+absl::Status Draining(absl::Duration retry_after) {
+  return WithRetry(Make(absl::StatusCode::kUnavailable, "DRAINING",
+                        "the server is stopping and takes no new jobs"),
+                   retry_after);
+}
+
+absl::Status QueueTimeout(absl::Duration limit) {
+  return Timeout("QUEUE_TIMEOUT", "the job waited", limit);
+}
+
+absl::Status RunTimeout(absl::Duration limit) {
+  return Timeout("RUN_TIMEOUT", "the job ran", limit);
+}
+
+absl::Status UploadIdle(absl::Duration limit) {
+  return Timeout("UPLOAD_IDLE", "the upload sent nothing", limit);
+}
+
+absl::Status JobNotFound(const std::string& id) {
+  return Make(absl::StatusCode::kNotFound, "JOB_NOT_FOUND",
+              absl::StrCat("no job jobs/", id),
+              {{"job", absl::StrCat("jobs/", id)}});
+}
+
+absl::Status RequestIdReused(const std::string& request_id) {
+  return WithField(Make(absl::StatusCode::kAlreadyExists, "REQUEST_ID_REUSED",
+                        absl::StrCat("request_id ", request_id,
+                                     " came before with another request"),
+                        {{"request_id", request_id}}),
+                   "request_id");
+}
+
+absl::Status OffsetOutOfRange(std::uint64_t offset, std::int64_t size_bytes) {
+  return WithField(Make(absl::StatusCode::kOutOfRange, "OFFSET_OUT_OF_RANGE",
+                        absl::StrCat("offset ", offset, " is past the ",
+                                     size_bytes, " bytes of the map"),
+                        {{"offset", absl::StrCat(offset)},
+                         {"size_bytes", absl::StrCat(size_bytes)}}),
+                   "offset");
+}
+
+ErrorDetails DetailsOf(const absl::Status& status) {
+  ErrorDetails details;
+  details.reason = absl::StatusCodeToString(status.code());
+  status.ForEachPayload([&](absl::string_view name, const absl::Cord& cord) {
+    const std::string value(cord);
+    if (name == kReason) details.reason = value;
+    if (name == kField) details.field = value;
+    if (name == kRetryAfter) {
+      details.retry_after.emplace();
+      absl::ParseDuration(value, &*details.retry_after);
+    }
+    if (absl::ConsumePrefix(&name, kMetadata)) {
+      details.metadata[std::string(name)] = value;
+    }
+  });
+  return details;
+}
+
+std::string LeadingFieldPath(absl::string_view message,
+                             const std::string& otherwise) {
+  size_t end = 0;
+  while (end < message.size() &&
+         (absl::ascii_isalnum(message[end]) || message[end] == '_' ||
+          message[end] == '.' || message[end] == '[' || message[end] == ']')) {
+    ++end;
+  }
+  if (!absl::StartsWith(message, otherwise)) return otherwise;
+  return std::string(message.substr(0, end));
+}
+
+}  // namespace isomatch

@@ -1,0 +1,26 @@
+#pragma once
+
+#include <functional>
+#include <memory>
+
+#include "absl/time/time.h"
+
+namespace isomatch {
+
+/// Runs functions on threads of its own. Thread-safe.
+class Executor {
+ public:
+  /// Dropping it calls the timer off, unless its function has begun.
+  using Timer = std::shared_ptr<void>;
+
+  virtual ~Executor() = default;
+
+  /// Runs `task` soon, in the order of the calls where there is one thread.
+  virtual void Post(std::function<void()> task) = 0;
+
+  /// Runs `task` once `delay` has passed.
+  [[nodiscard]] virtual Timer PostAfter(absl::Duration delay,
+                                        std::function<void()> task) = 0;
+};
+
+}  // namespace isomatch

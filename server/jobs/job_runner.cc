@@ -1,0 +1,146 @@
+#include "server/jobs/job_runner.h"
+
+#include <algorithm>
+#include <new>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
+#include "server/jobs/errors.h"
+#include "server/jobs/process_memory.h"
+
+namespace isomatch {
+namespace {
+
+/// Follows one run: how long each stage takes, how much memory is resident,
+/// and which reports are worth passing on.
+class RunMeter {
+ public:
+  RunMeter(const JobRunner::Clock& now,
+           const JobRunner::OnProgress& on_progress)
+      : now_(now), on_progress_(on_progress), begin_(now()) {
+    ResetPeakResidentBytes();
+  }
+
+  void OnProgress(const Progress& progress) {
+    const absl::Time now = now_();
+    const auto stage = static_cast<std::int32_t>(progress.stage);
+    const bool is_new = stage != stage_;
+    if (is_new) BeginStage(stage, now);
+    const bool soon = now - last_report_ < JobRunner::kProgressInterval;
+    if (!is_new && soon && progress.stage_fraction < 1) return;
+    last_report_ = now;
+    SamplePeak();
+    on_progress_({stage, progress.stage_fraction, progress.total_fraction});
+  }
+
+  /// Writes the figures of the whole run. Call once, last.
+  void Finish(JobResult& result) {
+    BeginStage(kNoStage, now_());
+    SamplePeak();
+    result.stage_times = std::move(stage_times_);
+    result.run_seconds = absl::ToDoubleSeconds(now_() - begin_);
+    result.peak_resident_bytes = peak_resident_bytes_;
+  }
+
+ private:
+  /// Ends the stage before.
+  void BeginStage(std::int32_t stage, absl::Time now) {
+    if (stage_ != kNoStage) {
+      stage_times_.push_back(
+          {stage_, absl::ToDoubleSeconds(now - stage_begin_)});
+    }
+    stage_ = stage;
+    stage_begin_ = now;
+  }
+
+  /// Sampled all along, since another job may reset the peak.
+  void SamplePeak() {
+    peak_resident_bytes_ = std::max(peak_resident_bytes_, PeakResidentBytes());
+  }
+
+  const JobRunner::Clock& now_;
+  const JobRunner::OnProgress& on_progress_;
+  const absl::Time begin_;
+  std::int32_t stage_ = kNoStage;
+  absl::Time stage_begin_ = absl::InfinitePast();
+  absl::Time last_report_ = absl::InfinitePast();
+  std::vector<StageSeconds> stage_times_;
+  std::int64_t peak_resident_bytes_ = 0;
+};
+
+std::string EncodeMap(const VertexMap& y_from_x) {
+  constexpr size_t kEntryBytes = 4;
+  std::string bytes;
+  bytes.reserve(y_from_x.size() * kEntryBytes);
+  for (const VertexIndex y : y_from_x) {
+    const auto value = static_cast<std::uint32_t>(y);  // kNoVertex: 0xFFFFFFFF
+    for (size_t i = 0; i < kEntryBytes; ++i) {
+      bytes.push_back(static_cast<char>(value >> (8 * i) & 0xFF));
+    }
+  }
+  return bytes;
+}
+
+JobResult Summarize(const JobSpec& spec, Correspondence found) {
+  JobResult result;
+  result.mesh_x = {spec.mesh_x.num_vertices(), spec.mesh_x.num_faces(),
+                   found.area_x, std::move(found.warnings_x)};
+  result.mesh_y = {spec.mesh_y.num_vertices(), spec.mesh_y.num_faces(),
+                   found.area_y, std::move(found.warnings_y)};
+  result.unmatched =
+      std::count(found.y_from_x.begin(), found.y_from_x.end(), kNoVertex);
+  result.embedding_error = found.embedding_error;
+  result.objective = found.objective;
+  result.orientation_score = found.orientation_score;
+  result.warnings = spec.warnings;
+  result.warnings.insert(result.warnings.end(), found.warnings.begin(),
+                         found.warnings.end());
+  result.profile = static_cast<std::int32_t>(spec.options.profile);
+  result.random_seed = spec.options.random_seed;
+  return result;
+}
+
+MeshSize SizeOf(const TriangleMesh& mesh) {
+  return {mesh.num_vertices(), mesh.num_faces()};
+}
+
+}  // namespace
+
+std::int64_t JobRunner::EstimateBytes(const JobSpec& spec) const {
+  return MeshBytes(spec) +
+         engine_.estimate(SizeOf(spec.mesh_x), SizeOf(spec.mesh_y),
+                          static_cast<std::int64_t>(spec.landmarks.size()),
+                          spec.options);
+}
+
+absl::Status JobRunner::ValidateLandmarks(const JobSpec& spec) const {
+  return engine_.validate_landmarks(spec.landmarks, spec.mesh_x.num_vertices(),
+                                    spec.mesh_y.num_vertices());
+}
+
+absl::StatusOr<RunOutcome> JobRunner::Run(const JobSpec& spec,
+                                          const OnProgress& on_progress,
+                                          const std::stop_token& stop) const {
+  try {
+    RunMeter meter(now_, on_progress);
+    ISOMATCH_ASSIGN_OR_RETURN(
+        Correspondence found,
+        engine_.match(
+            spec.mesh_x, spec.mesh_y, spec.landmarks, spec.options,
+            [&](const Progress& progress) { meter.OnProgress(progress); },
+            stop));
+    RunOutcome outcome;
+    outcome.map = EncodeMap(found.y_from_x);
+    outcome.result = Summarize(spec, std::move(found));
+    meter.Finish(outcome.result);
+    return outcome;
+  } catch (const std::bad_alloc&) {
+    return OutOfMemory();
+  } catch (const std::exception& error) {  // of a library; the server goes on
+    return absl::InternalError(absl::StrCat("the match threw: ", error.what()));
+  }
+}
+
+}  // namespace isomatch

@@ -1,0 +1,53 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <stop_token>
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+#include "server/jobs/job_spec.h"
+#include "server/jobs/match_engine.h"
+#include "server/storage/job_record.h"
+
+namespace isomatch {
+
+/// What a job that succeeded leaves behind.
+struct RunOutcome {
+  /// A little-endian uint32 for each vertex of X, 0xFFFFFFFF for no match.
+  std::string map;
+  JobResult result;
+};
+
+/// Runs the method on one job: the only caller of core/pipeline.
+/// Thread-safe.
+class JobRunner {
+ public:
+  using Clock = std::function<absl::Time()>;
+  using OnProgress = std::function<void(const JobProgress&)>;
+
+  /// The shortest time between two calls of OnProgress within a stage.
+  static constexpr absl::Duration kProgressInterval = absl::Milliseconds(100);
+
+  JobRunner(MatchEngine engine, Clock now)
+      : engine_(std::move(engine)), now_(std::move(now)) {}
+
+  /// Returns an upper bound on the bytes the job needs, its meshes included.
+  std::int64_t EstimateBytes(const JobSpec& spec) const;
+
+  /// Landmarks that are in range and do not contradict each other.
+  absl::Status ValidateLandmarks(const JobSpec& spec) const;
+
+  /// Returns map and figures. CANCELLED once `stop` is requested;
+  /// RESOURCE_EXHAUSTED (OUT_OF_MEMORY) when an allocation failed.
+  absl::StatusOr<RunOutcome> Run(const JobSpec& spec,
+                                 const OnProgress& on_progress,
+                                 const std::stop_token& stop) const;
+
+ private:
+  const MatchEngine engine_;
+  const Clock now_;
+};
+
+}  // namespace isomatch

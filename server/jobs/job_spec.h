@@ -1,0 +1,46 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/time/time.h"
+#include "core/mesh/triangle_mesh.h"
+#include "core/pipeline/match_options.h"
+#include "core/pipeline/matcher.h"
+
+namespace isomatch {
+
+/// A checked request for a job.
+struct JobSpec {
+  TriangleMesh mesh_x;
+  TriangleMesh mesh_y;
+  std::vector<Landmark> landmarks;
+  MatchOptions options;
+  /// What was made of the request otherwise than asked; told with the result.
+  std::vector<std::string> warnings;
+  std::map<std::string, std::string> labels;
+  /// Not set means no limit.
+  std::optional<absl::Duration> queue_timeout;
+  std::optional<absl::Duration> run_timeout;
+  /// Only check; nothing is kept.
+  bool validate_only = false;
+  /// Empty for none.
+  std::string request_id;
+  /// SHA-256 of the request; tells a retry from another request.
+  std::string request_sha256;
+};
+
+/// Returns the bytes that the two meshes hold.
+inline std::int64_t MeshBytes(const JobSpec& spec) {
+  const auto bytes = [](const TriangleMesh& mesh) -> std::int64_t {
+    constexpr std::int64_t kPosition = sizeof(double);
+    constexpr std::int64_t kIndex = sizeof(VertexIndex);
+    return mesh.positions.size() * kPosition + mesh.faces.size() * kIndex;
+  };
+  return bytes(spec.mesh_x) + bytes(spec.mesh_y);
+}
+
+}  // namespace isomatch

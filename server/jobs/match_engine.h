@@ -1,0 +1,36 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <stop_token>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "absl/types/span.h"
+#include "core/pipeline/matcher.h"
+
+namespace isomatch {
+
+/// The part of core/pipeline that the server calls, as values, so that tests
+/// can put something quick, slow or broken in its place.
+struct MatchEngine {
+  /// As Match.
+  std::function<absl::StatusOr<Correspondence>(
+      const TriangleMesh& mesh_x, const TriangleMesh& mesh_y,
+      absl::Span<const Landmark> landmarks, const MatchOptions& options,
+      const ProgressCallback& progress, std::stop_token stop)>
+      match;
+  /// As EstimateMemoryBytes.
+  std::function<std::int64_t(MeshSize x, MeshSize y, std::int64_t num_landmarks,
+                             const MatchOptions& options)>
+      estimate;
+  /// As ValidateLandmarks.
+  std::function<absl::Status(absl::Span<const Landmark> landmarks,
+                             std::int64_t vertices_x, std::int64_t vertices_y)>
+      validate_landmarks;
+};
+
+/// Returns the functions of core/pipeline.
+MatchEngine CoreMatchEngine();
+
+}  // namespace isomatch

@@ -1,0 +1,43 @@
+#include "server/jobs/memory_budget.h"
+
+#include <cassert>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "server/jobs/errors.h"
+
+namespace isomatch {
+
+MemoryBudget::Reservation::Reservation(Reservation&& other) noexcept
+    : budget_(std::exchange(other.budget_, nullptr)),
+      bytes_(std::exchange(other.bytes_, 0)) {}
+
+MemoryBudget::Reservation& MemoryBudget::Reservation::operator=(
+    Reservation&& other) noexcept {
+  std::swap(budget_, other.budget_);
+  std::swap(bytes_, other.bytes_);
+  return *this;
+}
+
+MemoryBudget::Reservation::~Reservation() {
+  if (budget_ != nullptr) budget_->reserved_bytes_ -= bytes_;
+}
+
+absl::StatusOr<MemoryBudget::Reservation> MemoryBudget::Reserve(
+    std::int64_t bytes) {
+  assert(bytes >= 0);
+  if (bytes > total_bytes_) {
+    return JobNeedsMoreMemoryThanBudget(bytes, total_bytes_);
+  }
+  std::int64_t reserved = reserved_bytes_;
+  do {
+    if (bytes > total_bytes_ - reserved) {
+      return absl::ResourceExhaustedError(
+          absl::StrCat(bytes, " bytes do not fit beside the ", reserved,
+                       " reserved of ", total_bytes_));
+    }
+  } while (!reserved_bytes_.compare_exchange_weak(reserved, reserved + bytes));
+  return Reservation(this, bytes);
+}
+
+}  // namespace isomatch

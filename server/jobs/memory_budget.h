@@ -1,0 +1,53 @@
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+
+#include "absl/status/statusor.h"
+
+namespace isomatch {
+
+/// Shares a fixed number of bytes among those who reserve them first.
+///
+///   1. reserved_bytes() never exceeds total_bytes().
+///   2. A reservation gives back exactly what it took, once, when it goes.
+///
+/// Thread-safe, without a lock. Must outlive its reservations.
+class MemoryBudget {
+ public:
+  /// Bytes taken from a budget until this object goes. Movable.
+  class Reservation {
+   public:
+    Reservation() = default;
+    Reservation(Reservation&& other) noexcept;
+    Reservation& operator=(Reservation&& other) noexcept;
+    ~Reservation();
+
+    std::int64_t bytes() const { return bytes_; }
+
+   private:
+    friend class MemoryBudget;
+    Reservation(MemoryBudget* budget, std::int64_t bytes)
+        : budget_(budget), bytes_(bytes) {}
+
+    MemoryBudget* budget_ = nullptr;
+    std::int64_t bytes_ = 0;
+  };
+
+  /// REQUIRES: total_bytes >= 0.
+  explicit MemoryBudget(std::int64_t total_bytes) : total_bytes_(total_bytes) {}
+
+  /// Returns the reservation. RESOURCE_EXHAUSTED: not now, others have too
+  /// much; FAILED_PRECONDITION: never, it is more than the whole budget.
+  /// REQUIRES: bytes >= 0.
+  absl::StatusOr<Reservation> Reserve(std::int64_t bytes);
+
+  std::int64_t total_bytes() const { return total_bytes_; }
+  std::int64_t reserved_bytes() const { return reserved_bytes_; }
+
+ private:
+  const std::int64_t total_bytes_;
+  std::atomic<std::int64_t> reserved_bytes_ = 0;
+};
+
+}  // namespace isomatch

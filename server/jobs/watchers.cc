@@ -1,0 +1,35 @@
+#include "server/jobs/watchers.h"
+
+namespace isomatch {
+
+void Watchers::Add(const std::string& id,
+                   const std::shared_ptr<JobWatcher>& watcher) {
+  MutexLock lock(mutex_);
+  watchers_[id].push_back({watcher.get(), watcher});
+}
+
+void Watchers::Remove(const std::string& id, const JobWatcher* watcher) {
+  MutexLock lock(mutex_);
+  const auto found = watchers_.find(id);
+  if (found == watchers_.end()) return;
+  std::erase_if(found->second,
+                [&](const Entry& entry) { return entry.address == watcher; });
+  if (found->second.empty()) watchers_.erase(found);
+}
+
+void Watchers::Notify(const std::string& id) {
+  for (const auto& watcher : Of(id)) watcher->OnJobChanged();
+}
+
+std::vector<std::shared_ptr<JobWatcher>> Watchers::Of(const std::string& id) {
+  std::vector<std::shared_ptr<JobWatcher>> alive;
+  MutexLock lock(mutex_);
+  const auto found = watchers_.find(id);
+  if (found == watchers_.end()) return alive;
+  for (const Entry& entry : found->second) {
+    if (auto watcher = entry.watcher.lock()) alive.push_back(watcher);
+  }
+  return alive;
+}
+
+}  // namespace isomatch

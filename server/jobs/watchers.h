@@ -1,0 +1,44 @@
+#pragma once
+
+#include <memory>
+#include <string>
+#include <unordered_map>
+#include <vector>
+
+#include "core/base/mutex.h"
+
+namespace isomatch {
+
+/// Someone who wants to know that a job changed.
+class JobWatcher {
+ public:
+  virtual ~JobWatcher() = default;
+
+  /// Called after each change, without a lock, from any thread, several at a
+  /// time. Must be quick; it reads the new state itself.
+  virtual void OnJobChanged() = 0;
+};
+
+/// Who watches which job. Holds no watcher alive. Thread-safe.
+class Watchers {
+ public:
+  void Add(const std::string& id, const std::shared_ptr<JobWatcher>& watcher);
+  void Remove(const std::string& id, const JobWatcher* watcher);
+
+  /// Calls OnJobChanged of all watchers of the job.
+  void Notify(const std::string& id);
+
+ private:
+  struct Entry {
+    const JobWatcher* address;
+    std::weak_ptr<JobWatcher> watcher;
+  };
+
+  std::vector<std::shared_ptr<JobWatcher>> Of(const std::string& id);
+
+  Mutex mutex_;
+  std::unordered_map<std::string, std::vector<Entry>> watchers_
+      ABSL_GUARDED_BY(mutex_);
+};
+
+}  // namespace isomatch

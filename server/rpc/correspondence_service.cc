@@ -1,0 +1,195 @@
+#include "server/rpc/correspondence_service.h"
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
+#include "core/base/version.h"
+#include "server/convert/digest.h"
+#include "server/convert/job_name.h"
+#include "server/convert/job_proto.h"
+#include "server/jobs/errors.h"
+#include "server/rpc/create_job.h"
+#include "server/rpc/download_result.h"
+#include "server/rpc/grpc_status.h"
+#include "server/rpc/upload_mesh.h"
+#include "server/rpc/watch_job.h"
+
+namespace isomatch {
+namespace {
+
+grpc::ServerUnaryReactor* Finish(grpc::CallbackServerContext* call,
+                                 const absl::Status& status) {
+  grpc::ServerUnaryReactor* reactor = call->DefaultReactor();
+  reactor->Finish(ToGrpc(status));
+  return reactor;
+}
+
+void SetLimits(const RequestLimits& limits,
+               v1::GetServerInfoResponse::Limits& proto) {
+  proto.set_max_request_bytes(
+      static_cast<std::uint64_t>(limits.max_request_bytes));
+  proto.set_max_chunk_bytes(static_cast<std::uint64_t>(limits.max_chunk_bytes));
+  proto.set_max_mesh_bytes(static_cast<std::uint64_t>(limits.max_mesh_bytes));
+  proto.set_max_vertices(static_cast<std::uint32_t>(limits.draco.max_vertices));
+  proto.set_max_faces(static_cast<std::uint32_t>(limits.draco.max_faces));
+  proto.set_max_landmarks(static_cast<std::uint32_t>(limits.max_landmarks));
+  proto.set_max_queued_jobs(static_cast<std::uint32_t>(limits.max_queued_jobs));
+}
+
+absl::Status FindMissing(const v1::FindMissingMeshesRequest& request,
+                         const ServiceContext& context,
+                         v1::FindMissingMeshesResponse& response) {
+  if (request.digests_size() > RequestLimits::kMaxDigests) {
+    return InvalidField("digests", absl::StrCat(request.digests_size(),
+                                                " of them, expected at most ",
+                                                RequestLimits::kMaxDigests));
+  }
+  for (int i = 0; i < request.digests_size(); ++i) {
+    const v1::Digest& digest = request.digests(i);
+    ISOMATCH_RETURN_IF_ERROR(ValidateDigest(
+        digest, absl::StrCat("digests[", i, "]"), context.parse.limits));
+    if (context.blobs->Get(digest.sha256()) == nullptr) {
+      *response.add_missing() = digest;
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::Status Get(const v1::GetJobRequest& request, const JobManager& manager,
+                 v1::GetJobResponse& response) {
+  ISOMATCH_ASSIGN_OR_RETURN(const std::string id, ParseJobName(request.name()));
+  ISOMATCH_ASSIGN_OR_RETURN(const JobSnapshot snapshot, manager.Get(id));
+  *response.mutable_job() = ToProto(snapshot);
+  return absl::OkStatus();
+}
+
+absl::StatusOr<JobFilter> ParseFilter(const v1::ListJobsRequest& request) {
+  JobFilter filter;
+  if (request.page_size() > RequestLimits::kMaxPageSize) {
+    return InvalidField("page_size",
+                        absl::StrCat(request.page_size(), ", expected 0 to ",
+                                     RequestLimits::kMaxPageSize));
+  }
+  filter.limit = request.page_size() == 0
+                     ? RequestLimits::kDefaultPageSize
+                     : static_cast<int>(request.page_size());
+  if (!request.page_token().empty() &&
+      !absl::SimpleAtoi(request.page_token(), &filter.before_number)) {
+    return InvalidField("page_token", "expected one that ListJobs gave");
+  }
+  for (int i = 0; i < request.states_size(); ++i) {
+    ISOMATCH_ASSIGN_OR_RETURN(
+        const JobState state,
+        ParseJobState(request.states(i), absl::StrCat("states[", i, "]")));
+    filter.states.push_back(state);
+  }
+  return filter;
+}
+
+absl::Status List(const v1::ListJobsRequest& request, const JobManager& manager,
+                  v1::ListJobsResponse& response) {
+  ISOMATCH_ASSIGN_OR_RETURN(JobFilter filter, ParseFilter(request));
+  const auto page_size = static_cast<size_t>(filter.limit);
+  ++filter.limit;  // one more tells whether there is a next page
+  std::vector<JobSnapshot> jobs = manager.List(filter);
+  if (jobs.size() > page_size) {
+    jobs.pop_back();
+    response.set_next_page_token(absl::StrCat(jobs.back().record.number));
+  }
+  for (const JobSnapshot& job : jobs) *response.add_jobs() = ToProto(job);
+  return absl::OkStatus();
+}
+
+absl::Status Cancel(const v1::CancelJobRequest& request, JobManager& manager,
+                    v1::CancelJobResponse& response) {
+  ISOMATCH_ASSIGN_OR_RETURN(const std::string id, ParseJobName(request.name()));
+  ISOMATCH_ASSIGN_OR_RETURN(const JobSnapshot snapshot, manager.Cancel(id));
+  *response.mutable_job() = ToProto(snapshot);
+  return absl::OkStatus();
+}
+
+absl::Status Delete(const v1::DeleteJobRequest& request, JobManager& manager) {
+  ISOMATCH_ASSIGN_OR_RETURN(const std::string id, ParseJobName(request.name()));
+  return manager.Delete(id);
+}
+
+}  // namespace
+
+grpc::ServerUnaryReactor* CorrespondenceService::GetServerInfo(
+    grpc::CallbackServerContext* call, const v1::GetServerInfoRequest*,
+    v1::GetServerInfoResponse* response) {
+  const JobManager::Load load = context_.manager->load();
+  response->set_version(kVersion);
+  SetLimits(context_.parse.limits, *response->mutable_limits());
+  response->set_workers(static_cast<std::uint32_t>(context_.workers));
+  response->set_threads_per_job(
+      static_cast<std::uint32_t>(context_.parse.threads_per_job));
+  response->set_queued_jobs(static_cast<std::uint32_t>(load.queued_jobs));
+  response->set_running_jobs(static_cast<std::uint32_t>(load.running_jobs));
+  response->set_memory_budget_bytes(
+      static_cast<std::uint64_t>(context_.budget->total_bytes()));
+  response->set_memory_reserved_bytes(
+      static_cast<std::uint64_t>(context_.budget->reserved_bytes()));
+  response->set_draining(load.draining);
+  return Finish(call, absl::OkStatus());
+}
+
+grpc::ServerReadReactor<v1::UploadMeshRequest>*
+CorrespondenceService::UploadMesh(grpc::CallbackServerContext*,
+                                  v1::UploadMeshResponse* response) {
+  return StartUploadMesh(context_, response);
+}
+
+grpc::ServerUnaryReactor* CorrespondenceService::FindMissingMeshes(
+    grpc::CallbackServerContext* call,
+    const v1::FindMissingMeshesRequest* request,
+    v1::FindMissingMeshesResponse* response) {
+  return Finish(call, FindMissing(*request, context_, *response));
+}
+
+grpc::ServerUnaryReactor* CorrespondenceService::CreateJob(
+    grpc::CallbackServerContext* call, const v1::CreateJobRequest* request,
+    v1::CreateJobResponse* response) {
+  return StartCreateJob(context_, call, request, response);
+}
+
+grpc::ServerUnaryReactor* CorrespondenceService::GetJob(
+    grpc::CallbackServerContext* call, const v1::GetJobRequest* request,
+    v1::GetJobResponse* response) {
+  return Finish(call, Get(*request, *context_.manager, *response));
+}
+
+grpc::ServerWriteReactor<v1::WatchJobResponse>* CorrespondenceService::WatchJob(
+    grpc::CallbackServerContext*, const v1::WatchJobRequest* request) {
+  return StartWatchJob(context_, *request);
+}
+
+grpc::ServerUnaryReactor* CorrespondenceService::ListJobs(
+    grpc::CallbackServerContext* call, const v1::ListJobsRequest* request,
+    v1::ListJobsResponse* response) {
+  return Finish(call, List(*request, *context_.manager, *response));
+}
+
+grpc::ServerUnaryReactor* CorrespondenceService::CancelJob(
+    grpc::CallbackServerContext* call, const v1::CancelJobRequest* request,
+    v1::CancelJobResponse* response) {
+  return Finish(call, Cancel(*request, *context_.manager, *response));
+}
+
+grpc::ServerUnaryReactor* CorrespondenceService::DeleteJob(
+    grpc::CallbackServerContext* call, const v1::DeleteJobRequest* request,
+    v1::DeleteJobResponse*) {
+  return Finish(call, Delete(*request, *context_.manager));
+}
+
+grpc::ServerWriteReactor<v1::DownloadResultResponse>*
+CorrespondenceService::DownloadResult(
+    grpc::CallbackServerContext*, const v1::DownloadResultRequest* request) {
+  return StartDownloadResult(context_, *request);
+}
+
+}  // namespace isomatch

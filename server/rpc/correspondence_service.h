@@ -1,0 +1,52 @@
+#pragma once
+
+#include "isomatch/v1/service.grpc.pb.h"
+#include "server/rpc/service_context.h"
+
+namespace isomatch {
+
+/// The RPCs of isomatch.v1: each parses its request, asks the manager, converts
+/// the answer. Those with a life of their own are in files of their names.
+class CorrespondenceService final
+    : public v1::CorrespondenceService::CallbackService {
+ public:
+  explicit CorrespondenceService(const ServiceContext& context)
+      : context_(context) {}
+
+  grpc::ServerUnaryReactor* GetServerInfo(
+      grpc::CallbackServerContext* call, const v1::GetServerInfoRequest*,
+      v1::GetServerInfoResponse* response) override;
+  grpc::ServerReadReactor<v1::UploadMeshRequest>* UploadMesh(
+      grpc::CallbackServerContext* call,
+      v1::UploadMeshResponse* response) override;
+  grpc::ServerUnaryReactor* FindMissingMeshes(
+      grpc::CallbackServerContext* call,
+      const v1::FindMissingMeshesRequest* request,
+      v1::FindMissingMeshesResponse* response) override;
+  grpc::ServerUnaryReactor* CreateJob(grpc::CallbackServerContext* call,
+                                      const v1::CreateJobRequest* request,
+                                      v1::CreateJobResponse* response) override;
+  grpc::ServerUnaryReactor* GetJob(grpc::CallbackServerContext* call,
+                                   const v1::GetJobRequest* request,
+                                   v1::GetJobResponse* response) override;
+  grpc::ServerWriteReactor<v1::WatchJobResponse>* WatchJob(
+      grpc::CallbackServerContext* call,
+      const v1::WatchJobRequest* request) override;
+  grpc::ServerUnaryReactor* ListJobs(grpc::CallbackServerContext* call,
+                                     const v1::ListJobsRequest* request,
+                                     v1::ListJobsResponse* response) override;
+  grpc::ServerUnaryReactor* CancelJob(grpc::CallbackServerContext* call,
+                                      const v1::CancelJobRequest* request,
+                                      v1::CancelJobResponse* response) override;
+  grpc::ServerUnaryReactor* DeleteJob(grpc::CallbackServerContext* call,
+                                      const v1::DeleteJobRequest* request,
+                                      v1::DeleteJobResponse* response) override;
+  grpc::ServerWriteReactor<v1::DownloadResultResponse>* DownloadResult(
+      grpc::CallbackServerContext* call,
+      const v1::DownloadResultRequest* request) override;
+
+ private:
+  const ServiceContext context_;
+};
+
+}  // namespace isomatch

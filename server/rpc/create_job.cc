@@ -1,0 +1,66 @@
+#include "server/rpc/create_job.h"
+
+#include <cstdint>
+#include <memory>
+#include <new>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include <grpcpp/server_context.h>
+
+#include "core/base/status_macros.h"
+#include "server/convert/job_proto.h"
+#include "server/jobs/errors.h"
+#include "server/rpc/grpc_status.h"
+
+namespace isomatch {
+namespace {
+
+absl::StatusOr<JobSnapshot> Create(const ServiceContext& context,
+                                   const v1::CreateJobRequest& request) {
+  const std::string sha256 =
+      request.request_id().empty() ? "" : RequestSha256(request);
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const std::optional<JobSnapshot> before,
+      context.manager->FindRequest(request.request_id(), sha256));
+  if (before) return *before;
+  ISOMATCH_ASSIGN_OR_RETURN(JobSpec spec,
+                            ParseCreateJob(request, context.parse));
+  spec.request_sha256 = sha256;
+  return context.manager->Create(std::move(spec));
+}
+
+absl::StatusOr<JobSnapshot> CreateWithinMemory(
+    const ServiceContext& context, const v1::CreateJobRequest& request) {
+  try {
+    return Create(context, request);
+  } catch (const std::bad_alloc&) {  // a mesh that does not fit now
+    return OutOfMemory();
+  }
+}
+
+}  // namespace
+
+grpc::ServerUnaryReactor* StartCreateJob(const ServiceContext& context,
+                                         grpc::CallbackServerContext* call,
+                                         const v1::CreateJobRequest* request,
+                                         v1::CreateJobResponse* response) {
+  grpc::ServerUnaryReactor* reactor = call->DefaultReactor();
+  const auto bytes = static_cast<std::int64_t>(request->ByteSizeLong());
+  auto reserved = context.uploads->Reserve(bytes);
+  if (!reserved.ok()) {
+    reactor->Finish(ToGrpc(UploadQuota(bytes, kRetryUploadQuota)));
+    return reactor;
+  }
+  const auto held =
+      std::make_shared<MemoryBudget::Reservation>(*std::move(reserved));
+  context.intake->Post([&context, reactor, request, response, held] {
+    const auto snapshot = CreateWithinMemory(context, *request);
+    if (snapshot.ok()) *response->mutable_job() = ToProto(*snapshot);
+    reactor->Finish(ToGrpc(snapshot.status()));
+  });
+  return reactor;
+}
+
+}  // namespace isomatch

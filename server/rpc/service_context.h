@@ -1,0 +1,31 @@
+#pragma once
+
+#include "absl/time/time.h"
+#include "server/convert/parse_create_job.h"
+#include "server/jobs/executor.h"
+#include "server/jobs/job_manager.h"
+#include "server/jobs/memory_budget.h"
+#include "server/storage/blob_store.h"
+
+namespace isomatch {
+
+/// What a client waits before it sends again what there was no room for.
+inline constexpr absl::Duration kRetryUploadQuota = absl::Seconds(2);
+
+/// What the RPCs work with. All of it outlives the gRPC server.
+struct ServiceContext {
+  JobManager* manager;
+  BlobStore* blobs;
+  MemoryBudget* budget;
+  /// Bounds what unfinished uploads and CreateJob requests hold together.
+  MemoryBudget* uploads;
+  /// Decodes and checks CreateJob's meshes, one request at a time, so that gRPC
+  /// threads stay free and decoding needs bounded memory.
+  Executor* intake;
+  ParseContext parse;
+  int workers = 1;
+  absl::Duration watch_heartbeat = absl::Seconds(10);
+  absl::Duration upload_idle_timeout = absl::Seconds(30);
+};
+
+}  // namespace isomatch

@@ -1,0 +1,165 @@
+#include "server/rpc/watch_job.h"
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include <grpcpp/alarm.h>
+
+#include "core/base/mutex.h"
+#include "server/convert/job_name.h"
+#include "server/convert/job_proto.h"
+#include "server/rpc/grpc_status.h"
+
+namespace isomatch {
+namespace {
+
+/// One watcher of one job.
+///
+///   1. Begin: registers with the manager, sets the heartbeat, pumps once.
+///   2. OnJobChanged or the heartbeat: pumps. If a write is under way only a
+///      flag is set, so that a slow reader costs one message and no queue.
+///   3. Pump: reads the newest snapshot and writes it if it is news.
+///   4. OnWriteDone: pumps again if the flag is set; after a terminal snapshot
+///      finishes with OK.
+///   5. OnCancel: finishes with CANCELLED, after the write that is under way.
+///   6. OnDone: unregisters and lets go of itself.
+///
+/// It holds itself alive from 1 to 6; the manager and the alarm hold it weakly.
+class WatchJobReactor final
+    : public grpc::ServerWriteReactor<v1::WatchJobResponse>,
+      public JobWatcher,
+      public std::enable_shared_from_this<WatchJobReactor> {
+ public:
+  WatchJobReactor(const ServiceContext& context, std::string id,
+                  std::uint64_t after_sequence)
+      : context_(context), id_(std::move(id)), last_sequence_(after_sequence) {}
+
+  void Begin() {
+    self_ = shared_from_this();
+    context_.manager->watchers().Add(id_, self_);
+    SetHeartbeat();
+    Pump(/*heartbeat=*/false);
+  }
+
+  void OnJobChanged() override { Pump(/*heartbeat=*/false); }
+
+  void OnWriteDone(bool ok) override {
+    bool again = false;
+    std::optional<grpc::Status> end;
+    {
+      MutexLock lock(mutex_);
+      writing_ = false;
+      again = std::exchange(news_waits_, false);
+      if (!ok || cancelled_) end = grpc::Status::CANCELLED;
+      if (ok && wrote_terminal_) end = grpc::Status::OK;
+    }
+    if (end) return FinishOnce(*end);
+    if (again) Pump(/*heartbeat=*/false);
+  }
+
+  void OnCancel() override {
+    {
+      MutexLock lock(mutex_);
+      cancelled_ = true;
+      if (writing_) return;  // OnWriteDone finishes
+    }
+    FinishOnce(grpc::Status::CANCELLED);
+  }
+
+  void OnDone() override {
+    context_.manager->watchers().Remove(id_, this);
+    alarm_.Cancel();
+    const auto last = std::move(self_);
+  }
+
+ private:
+  void SetHeartbeat() {
+    alarm_.Set(absl::ToChronoTime(absl::Now() + context_.watch_heartbeat),
+               [weak = weak_from_this()](bool ok) {
+                 const auto self = weak.lock();
+                 if (ok && self != nullptr) self->Beat();
+               });
+  }
+
+  void Beat() {
+    Pump(/*heartbeat=*/true);
+    // Under the lock, so that OnDone's Cancel comes after it.
+    MutexLock lock(mutex_);
+    if (!finished_) SetHeartbeat();
+  }
+
+  void Pump(bool heartbeat) {
+    const auto snapshot = context_.manager->Get(id_);
+    if (!snapshot.ok()) return FinishOnce(ToGrpc(snapshot.status()));
+    v1::Job job = ToProto(*snapshot);
+    const bool terminal = IsTerminal(snapshot->record.state);
+    {
+      MutexLock lock(mutex_);
+      if (finished_ || cancelled_ || wrote_terminal_) return;
+      if (writing_) {
+        news_waits_ = true;
+        return;
+      }
+      const bool news = job.sequence() > last_sequence_ || terminal;
+      if (!news && !heartbeat) return;
+      if (job.sequence() > last_sequence_) last_sequence_ = job.sequence();
+      writing_ = true;
+      wrote_terminal_ = terminal;
+      response_.mutable_job()->Swap(&job);
+    }
+    StartWrite(&response_);
+  }
+
+  void FinishOnce(const grpc::Status& status) {
+    {
+      MutexLock lock(mutex_);
+      if (finished_ || writing_) return;
+      finished_ = true;
+    }
+    Finish(status);
+  }
+
+  const ServiceContext& context_;
+  const std::string id_;
+  std::shared_ptr<WatchJobReactor> self_;
+  grpc::Alarm alarm_;
+
+  Mutex mutex_;
+  /// Of the newest snapshot that was written.
+  std::uint64_t last_sequence_ ABSL_GUARDED_BY(mutex_);
+  /// `response_` belongs to gRPC.
+  bool writing_ ABSL_GUARDED_BY(mutex_) = false;
+  /// The job changed while writing.
+  bool news_waits_ ABSL_GUARDED_BY(mutex_) = false;
+  /// The last message is on its way.
+  bool wrote_terminal_ ABSL_GUARDED_BY(mutex_) = false;
+  bool cancelled_ ABSL_GUARDED_BY(mutex_) = false;
+  bool finished_ ABSL_GUARDED_BY(mutex_) = false;
+  v1::WatchJobResponse response_;
+};
+
+/// A watch that could not begin.
+class RefusedWatch final
+    : public grpc::ServerWriteReactor<v1::WatchJobResponse> {
+ public:
+  explicit RefusedWatch(const absl::Status& status) { Finish(ToGrpc(status)); }
+  void OnDone() override { delete this; }
+};
+
+}  // namespace
+
+grpc::ServerWriteReactor<v1::WatchJobResponse>* StartWatchJob(
+    const ServiceContext& context, const v1::WatchJobRequest& request) {
+  const auto id = ParseJobName(request.name());
+  if (!id.ok()) return new RefusedWatch(id.status());
+  // Not make_shared: the weak references of an alarm would keep its memory.
+  const std::shared_ptr<WatchJobReactor> reactor(
+      new WatchJobReactor(context, *id, request.after_sequence()));
+  reactor->Begin();
+  return reactor.get();
+}
+
+}  // namespace isomatch

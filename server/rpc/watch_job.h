@@ -1,0 +1,14 @@
+#pragma once
+
+#include <grpcpp/support/server_callback.h>
+
+#include "isomatch/v1/service.pb.h"
+#include "server/rpc/service_context.h"
+
+namespace isomatch {
+
+/// Streams snapshots of a job until it is terminal; see service.proto.
+grpc::ServerWriteReactor<v1::WatchJobResponse>* StartWatchJob(
+    const ServiceContext& context, const v1::WatchJobRequest& request);
+
+}  // namespace isomatch

@@ -1,0 +1,272 @@
+#include "server/server.h"
+
+#include <algorithm>
+#include <mutex>
+#include <thread>
+#include <utility>
+
+#include <grpcpp/ext/proto_server_reflection_plugin.h>
+#include <grpcpp/grpcpp.h>
+#include <openssl/rand.h>
+#include <spdlog/spdlog.h>
+
+#include "absl/strings/escaping.h"
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "core/base/status_macros.h"
+#include "grpc/health/v1/health.pb.h"
+#include "server/jobs/memory_limit.h"
+#include "server/jobs/thread_pool.h"
+#include "server/rpc/correspondence_service.h"
+#include "server/storage/memory_blob_store.h"
+#include "server/storage/memory_job_store.h"
+
+namespace isomatch {
+namespace {
+
+/// What clients get to ask for the results of jobs that ended while draining,
+/// and gRPC to end streams then. Together below the second that main.cc allows.
+constexpr absl::Duration kLastCalls = absl::Milliseconds(400);
+constexpr absl::Duration kStreamsEnd = absl::Milliseconds(500);
+
+std::string RandomId() {
+  std::string bytes(16, '\0');
+  RAND_bytes(reinterpret_cast<unsigned char*>(bytes.data()),
+             static_cast<int>(bytes.size()));
+  return absl::BytesToHexString(bytes);
+}
+
+void LogState(const JobRecord& job) {
+  const double seconds = absl::ToDoubleSeconds(absl::Now() - job.create_time);
+  const char* state = JobStateName(job.state);
+  if (job.error) {
+    spdlog::warn("job {} {} after {:.1f} s: {}: {}", job.id, state, seconds,
+                 job.error->reason, job.error->message);
+  } else if (job.result) {
+    spdlog::info(
+        "job {} {} after {:.1f} s, ran {:.1f} s, estimate {} MiB, "
+        "process peak {} MiB",
+        job.id, state, seconds, job.result->run_seconds,
+        job.memory_estimate_bytes >> 20, job.result->peak_resident_bytes >> 20);
+  } else {
+    spdlog::info("job {} {} after {:.1f} s", job.id, state, seconds);
+  }
+}
+
+int ChooseThreads(const ServerConfig& config) {
+  if (config.threads_per_job > 0) return config.threads_per_job;
+  const int cores = static_cast<int>(std::thread::hardware_concurrency());
+  return std::max(1, cores / config.workers);
+}
+
+RequestLimits MakeRequestLimits(const ServerConfig& config) {
+  RequestLimits limits;
+  limits.max_request_bytes = config.max_request_bytes;
+  limits.max_mesh_bytes = config.max_mesh_bytes;
+  limits.max_queued_jobs = config.max_queued_jobs;
+  return limits;
+}
+
+/// Once for the process: gRPC takes plugins globally.
+void InitGrpcPlugins() {
+  static std::once_flag once;
+  std::call_once(once, [] {
+    // Reflection aborts on the health service unless its descriptor is linked.
+    grpc::health::v1::HealthCheckRequest::descriptor();
+    grpc::EnableDefaultHealthCheckService(true);
+    grpc::reflection::InitProtoReflectionServerBuilderPlugin();
+  });
+}
+
+void SetChannelArguments(const ServerConfig& config,
+                         grpc::ServerBuilder& builder) {
+  constexpr int kSecond = 1000;  // milliseconds
+  constexpr int kHour = 3600 * kSecond;
+  builder.SetMaxReceiveMessageSize(static_cast<int>(config.max_request_bytes));
+  // A second server on the port must fail instead of sharing it.
+  builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
+  builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, 1000);
+  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, 60 * kSecond);
+  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 20 * kSecond);
+  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
+  builder.AddChannelArgument(
+      GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, 20 * kSecond);
+  builder.AddChannelArgument(GRPC_ARG_MAX_CONNECTION_AGE_MS, kHour);
+  builder.AddChannelArgument(GRPC_ARG_MAX_CONNECTION_AGE_GRACE_MS, kHour / 6);
+  grpc::ResourceQuota quota("isomatch");
+  quota.Resize(size_t{512} << 20);
+  builder.SetResourceQuota(quota);
+}
+
+}  // namespace
+
+class Server::Impl {
+ public:
+  Impl(const ServerConfig& config, MatchEngine engine);
+  ~Impl();
+
+  absl::Status Listen();
+  void Shutdown(absl::Duration drain);
+
+  std::string address() const;
+  const MemoryBudget& budget() const { return budget_; }
+  int threads_per_job() const { return context_.parse.threads_per_job; }
+  std::shared_ptr<grpc::Channel> InProcessChannel() {
+    return grpc_->InProcessChannel(grpc::ChannelArguments());
+  }
+
+ private:
+  JobManager::Limits MakeJobLimits() const;
+  JobManager::Parts MakeJobParts();
+  ServiceContext MakeContext();
+
+  const ServerConfig config_;
+  MemoryJobStore jobs_;
+  MemoryBlobStore blobs_;
+  MemoryBudget budget_;
+  MemoryBudget uploads_;
+  const JobRunner runner_;
+  // Joined in ~Impl, in the reverse order of who calls whom.
+  std::unique_ptr<ThreadPool> workers_;
+  std::unique_ptr<ThreadPool> timers_;
+  std::unique_ptr<ThreadPool> intake_;
+  JobManager manager_;
+  const ServiceContext context_;
+  CorrespondenceService service_;
+  int port_ = 0;
+  std::once_flag shutdown_;
+  std::unique_ptr<grpc::Server> grpc_;
+};
+
+Server::Impl::Impl(const ServerConfig& config, MatchEngine engine)
+    : config_(config),
+      blobs_(config.blob_store_bytes),
+      budget_(ChooseMemoryBudget(config.memory_budget_bytes,
+                                 AvailableMemoryBytes())),
+      uploads_(config.blob_store_bytes / 2),
+      runner_(std::move(engine), absl::Now),
+      workers_(std::make_unique<ThreadPool>(config.workers)),
+      timers_(std::make_unique<ThreadPool>(1)),
+      intake_(std::make_unique<ThreadPool>(1)),
+      manager_(MakeJobLimits(), MakeJobParts()),
+      context_(MakeContext()),
+      service_(context_) {}
+
+Server::Impl::~Impl() {
+  Shutdown(absl::ZeroDuration());
+  intake_.reset();
+  workers_.reset();
+  timers_.reset();
+}
+
+JobManager::Limits Server::Impl::MakeJobLimits() const {
+  JobManager::Limits limits;
+  limits.workers = config_.workers;
+  limits.max_queued_jobs = config_.max_queued_jobs;
+  limits.max_kept_jobs = config_.max_kept_jobs;
+  limits.max_result_bytes = config_.blob_store_bytes / 4;
+  return limits;
+}
+
+JobManager::Parts Server::Impl::MakeJobParts() {
+  JobManager::Parts parts;
+  parts.jobs = &jobs_;
+  parts.blobs = &blobs_;
+  parts.budget = &budget_;
+  parts.runner = &runner_;
+  parts.workers = workers_.get();
+  parts.timers = timers_.get();
+  parts.now = absl::Now;
+  parts.new_id = RandomId;
+  if (!config_.listen.empty()) parts.on_state = LogState;
+  return parts;
+}
+
+ServiceContext Server::Impl::MakeContext() {
+  ServiceContext context;
+  context.manager = &manager_;
+  context.blobs = &blobs_;
+  context.budget = &budget_;
+  context.uploads = &uploads_;
+  context.intake = intake_.get();
+  context.parse = {&blobs_, &runner_, MakeRequestLimits(config_),
+                   ChooseThreads(config_)};
+  context.workers = config_.workers;
+  context.watch_heartbeat = config_.watch_heartbeat;
+  context.upload_idle_timeout = config_.upload_idle_timeout;
+  return context;
+}
+
+absl::Status Server::Impl::Listen() {
+  InitGrpcPlugins();
+  grpc::ServerBuilder builder;
+  SetChannelArguments(config_, builder);
+  if (!config_.listen.empty()) {
+    builder.AddListeningPort(config_.listen, grpc::InsecureServerCredentials(),
+                             &port_);
+  }
+  builder.RegisterService(&service_);
+  grpc_ = builder.BuildAndStart();
+  if (grpc_ == nullptr) {
+    return absl::UnavailableError(
+        absl::StrCat("cannot listen on ", config_.listen,
+                     ": is the port in use, or the address not of this "
+                     "machine?"));
+  }
+  grpc_->GetHealthCheckService()->SetServingStatus(
+      v1::CorrespondenceService::service_full_name(), true);
+  return absl::OkStatus();
+}
+
+void Server::Impl::Shutdown(absl::Duration drain) {
+  std::call_once(shutdown_, [&] {
+    if (grpc_ != nullptr) {
+      grpc_->GetHealthCheckService()->SetServingStatus(false);
+    }
+    const bool jobs_run = manager_.load().running_jobs > 0;
+    manager_.Shutdown(drain);
+    if (jobs_run && drain > absl::ZeroDuration()) absl::SleepFor(kLastCalls);
+    if (grpc_ != nullptr) {
+      grpc_->Shutdown(absl::ToChronoTime(absl::Now() + kStreamsEnd));
+    }
+  });
+}
+
+std::string Server::Impl::address() const {
+  const std::string& listen = config_.listen;
+  const size_t colon = listen.rfind(':');
+  if (listen.rfind("unix:", 0) == 0 || colon == std::string::npos) {
+    return listen;
+  }
+  return absl::StrCat(listen.substr(0, colon), ":", port_);
+}
+
+absl::StatusOr<std::unique_ptr<Server>> Server::Create(
+    const ServerConfig& config) {
+  return Create(config, CoreMatchEngine());
+}
+
+absl::StatusOr<std::unique_ptr<Server>> Server::Create(
+    const ServerConfig& config, MatchEngine engine) {
+  ISOMATCH_RETURN_IF_ERROR(config.Validate());
+  auto impl = std::make_unique<Impl>(config, std::move(engine));
+  ISOMATCH_RETURN_IF_ERROR(impl->Listen());
+  return std::unique_ptr<Server>(new Server(std::move(impl)));
+}
+
+Server::Server(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+Server::~Server() = default;
+
+std::string Server::address() const { return impl_->address(); }
+int Server::threads_per_job() const { return impl_->threads_per_job(); }
+std::int64_t Server::memory_budget_bytes() const {
+  return impl_->budget().total_bytes();
+}
+
+std::shared_ptr<grpc::Channel> Server::InProcessChannel() {
+  return impl_->InProcessChannel();
+}
+
+void Server::Shutdown(absl::Duration drain) { impl_->Shutdown(drain); }
+
+}  // namespace isomatch

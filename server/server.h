@@ -1,0 +1,67 @@
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include <grpcpp/channel.h>
+
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+#include "server/jobs/match_engine.h"
+#include "server/server_config.h"
+
+namespace isomatch {
+
+/// A running Isomatch server: stores, worker slots and gRPC endpoint.
+///
+/// Shutdown order:
+///   1. health answers NOT_SERVING, CreateJob answers UNAVAILABLE (DRAINING);
+///   2. queued jobs become CANCELLED, running ones get the drain time;
+///   3. those that still run become CANCELLED and are asked to stop;
+///   4. watchers get their last message; with a drain time, clients get 0.4 s
+///      to ask for the results, then gRPC stops;
+///   5. the threads are joined.
+///
+/// Thread-safe.
+class Server {
+ public:
+  /// Returns a server that accepts calls. INVALID_ARGUMENT: the configuration;
+  /// UNAVAILABLE: the address cannot be listened on.
+  static absl::StatusOr<std::unique_ptr<Server>> Create(
+      const ServerConfig& config);
+
+  /// The same with another implementation of the method, for tests.
+  static absl::StatusOr<std::unique_ptr<Server>> Create(
+      const ServerConfig& config, MatchEngine engine);
+
+  /// Shuts down at once if Shutdown was not called.
+  ~Server();
+
+  Server(const Server&) = delete;
+  Server& operator=(const Server&) = delete;
+
+  /// HOST:PORT with the port it really has; empty without a port.
+  std::string address() const;
+
+  /// What running jobs may reserve together.
+  std::int64_t memory_budget_bytes() const;
+
+  /// Threads each job gets.
+  int threads_per_job() const;
+
+  /// Returns a channel within this process, which needs no port. The server
+  /// must outlive it.
+  std::shared_ptr<grpc::Channel> InProcessChannel();
+
+  /// Steps 1 to 4; running jobs get `drain`. Returns when no job runs. Calls
+  /// after the first do nothing.
+  void Shutdown(absl::Duration drain);
+
+ private:
+  class Impl;
+  explicit Server(std::unique_ptr<Impl> impl);
+
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace isomatch

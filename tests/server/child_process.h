@@ -1,0 +1,48 @@
+#pragma once
+
+#include <cstdio>
+#include <string>
+#include <vector>
+
+#include <sys/types.h>
+
+namespace isomatch {
+
+/// A program of ours as a process of its own; what it writes to standard error
+/// is read. Killed when it still runs at the end. Not thread-safe.
+class ChildProcess {
+ public:
+  /// Starts `binary`; its standard output goes to the file `output`, or where
+  /// that of the test goes.
+  ChildProcess(const std::string& binary, std::vector<std::string> arguments,
+               const std::string& output = "");
+  ~ChildProcess();
+
+  ChildProcess(const ChildProcess&) = delete;
+  ChildProcess& operator=(const ChildProcess&) = delete;
+
+  /// Reads until a line has `text`; returns what follows it there. Fails the
+  /// test when none has.
+  std::string ReadUntil(const std::string& text);
+
+  void Signal(int signal) const;
+
+  /// Waits for its end. -1 when a signal killed it.
+  int ExitStatus();
+
+ private:
+  pid_t id_ = 0;
+  FILE* errors_ = nullptr;
+};
+
+/// isomatch-server on a free port, with these flags too; `address` is set once
+/// it listens.
+struct ServerProcess {
+  explicit ServerProcess(const std::string& binary,
+                         std::vector<std::string> flags = {});
+
+  ChildProcess process;
+  std::string address;
+};
+
+}  // namespace isomatch

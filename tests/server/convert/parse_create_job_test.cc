@@ -1,0 +1,125 @@
+#include "server/convert/parse_create_job.h"
+
+#include <limits>
+#include <string>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/server/test_server.h"
+#include "tests/support/shapes.h"
+
+namespace isomatch {
+namespace {
+
+constexpr auto kInvalid = grpc::StatusCode::INVALID_ARGUMENT;
+
+/// CreateJob with bad requests: each is refused with its field, and the server
+/// goes on serving.
+class ParseCreateJobTest : public TestServer {
+ protected:
+  void ExpectRefused(const v1::CreateJobRequest& request,
+                     const std::string& reason, const std::string& field) {
+    const CallError error = CreateError(request);
+    EXPECT_EQ(error.code, kInvalid);
+    EXPECT_EQ(error.reason, reason);
+    EXPECT_EQ(error.field, field);
+    EXPECT_NE(CreateJob(), "");
+  }
+};
+
+TEST_F(ParseCreateJobTest, BytesThatAreNotDraco) {
+  v1::CreateJobRequest request = SphereJob();
+  request.mutable_mesh_y()->set_draco("DRACO and then nonsense");
+  ExpectRefused(request, "MESH_MALFORMED", "mesh_y.draco");
+}
+
+TEST_F(ParseCreateJobTest, DracoThatWasCutShort) {
+  v1::CreateJobRequest request = SphereJob();
+  std::string& bytes = *request.mutable_mesh_x()->mutable_draco();
+  bytes.resize(bytes.size() / 2);
+  ExpectRefused(request, "MESH_MALFORMED", "mesh_x.draco");
+}
+
+TEST_F(ParseCreateJobTest, AnotherNumberOfVerticesThanSaid) {
+  v1::CreateJobRequest request = SphereJob();
+  request.mutable_mesh_x()->set_vertex_count(7);
+  ExpectRefused(request, "MESH_MALFORMED", "mesh_x.draco");
+  request.mutable_mesh_x()->set_vertex_count(4'000'000'000);
+  ExpectRefused(request, "INVALID_FIELD", "mesh_x.vertex_count");
+}
+
+TEST_F(ParseCreateJobTest, NoMeshAtAll) {
+  v1::CreateJobRequest request = SphereJob();
+  request.clear_mesh_y();
+  ExpectRefused(request, "INVALID_FIELD", "mesh_y");
+}
+
+TEST_F(ParseCreateJobTest, ACoordinateThatIsNotANumber) {
+  TriangleMesh mesh = UnitSphere(1);
+  mesh.positions(3, 1) = std::numeric_limits<double>::quiet_NaN();
+  v1::CreateJobRequest request = SphereJob();
+  *request.mutable_mesh_x() = ToDraco(mesh);
+  const CallError error = CreateError(request);
+  EXPECT_EQ(error.code, kInvalid);
+  EXPECT_EQ(error.reason, "MESH_MALFORMED");
+  EXPECT_THAT(error.field, testing::StartsWith("mesh_x"));
+}
+
+TEST_F(ParseCreateJobTest, LandmarksOutOfRange) {
+  v1::CreateJobRequest request = SphereJob();
+  request.add_landmarks()->set_x(41);
+  request.add_landmarks()->set_x(42);  // of 42 vertices
+  ExpectRefused(request, "MATCH_OUT_OF_RANGE", "landmarks[1].x");
+  request.mutable_landmarks(1)->set_x(0);
+  request.mutable_landmarks(1)->set_y(4'294'967'295U);
+  ExpectRefused(request, "MATCH_OUT_OF_RANGE", "landmarks[1].y");
+}
+
+TEST_F(ParseCreateJobTest, LandmarksThatContradict) {
+  v1::CreateJobRequest request = SphereJob();
+  request.add_landmarks()->set_y(1);
+  request.add_landmarks()->set_y(2);
+  ExpectRefused(request, "LANDMARKS_CONTRADICT", "landmarks[1].x");
+}
+
+TEST_F(ParseCreateJobTest, OptionsOutOfRange) {
+  v1::CreateJobRequest request = SphereJob();
+  request.mutable_options()->set_threads(1025);
+  ExpectRefused(request, "INVALID_FIELD", "options.threads");
+  request = SphereJob();
+  request.mutable_options()->set_profile(static_cast<v1::Profile>(9));
+  ExpectRefused(request, "INVALID_FIELD", "options.profile");
+  request = SphereJob();
+  request.mutable_mesh_x()->set_vertex_order(static_cast<v1::VertexOrder>(9));
+  ExpectRefused(request, "INVALID_FIELD", "mesh_x.vertex_order");
+}
+
+TEST_F(ParseCreateJobTest, IdsLabelsAndTimeoutsOutOfRange) {
+  v1::CreateJobRequest request = SphereJob();
+  request.set_request_id(std::string(129, 'x'));
+  ExpectRefused(request, "INVALID_FIELD", "request_id");
+  request = SphereJob();
+  (*request.mutable_labels())[std::string(64, 'k')] = "v";
+  ExpectRefused(request, "INVALID_FIELD", "labels");
+  request = SphereJob();
+  request.mutable_run_timeout()->set_seconds(-1);
+  ExpectRefused(request, "INVALID_FIELD", "run_timeout");
+  request = SphereJob();
+  request.mutable_queue_timeout();  // 0 s
+  ExpectRefused(request, "INVALID_FIELD", "queue_timeout");
+}
+
+TEST_F(ParseCreateJobTest, AMeshThatWasNotUploaded) {
+  v1::CreateJobRequest request = SphereJob();
+  v1::Digest& digest = *request.mutable_mesh_x()->mutable_digest();
+  digest.set_sha256(std::string(64, 'a'));
+  digest.set_size_bytes(1);
+  const CallError error = CreateError(request);
+  EXPECT_EQ(error.code, grpc::StatusCode::FAILED_PRECONDITION);
+  EXPECT_EQ(error.reason, "MESH_MISSING");
+  EXPECT_EQ(error.field, "mesh_x.digest");
+}
+
+}  // namespace
+}  // namespace isomatch

@@ -1,0 +1,51 @@
+#include "server/jobs/errors.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/support/matchers.h"
+
+namespace isomatch {
+namespace {
+
+using testing::HasSubstr;
+using testing::Pair;
+using testing::UnorderedElementsAre;
+
+TEST(ErrorsTest, CarryReasonFieldAndEveryNumberOfTheMessage) {
+  const absl::Status status = MatchOutOfRange("landmarks[3].x", 99, 42);
+  EXPECT_THAT(status, StatusIs(absl::StatusCode::kInvalidArgument,
+                               HasSubstr("landmarks[3].x: 99")));
+  const ErrorDetails details = DetailsOf(status);
+  EXPECT_EQ(details.reason, "MATCH_OUT_OF_RANGE");
+  EXPECT_EQ(details.field, "landmarks[3].x");
+  EXPECT_FALSE(details.retry_after);
+  EXPECT_THAT(details.metadata, UnorderedElementsAre(Pair("value", "99"),
+                                                     Pair("vertices", "42")));
+}
+
+TEST(ErrorsTest, OnesThatPassTellWhenToTryAgain) {
+  EXPECT_EQ(DetailsOf(QueueFull(7, absl::Seconds(5))).retry_after,
+            absl::Seconds(5));
+  EXPECT_EQ(DetailsOf(Draining(absl::Milliseconds(1500))).retry_after,
+            absl::Milliseconds(1500));
+}
+
+TEST(ErrorsTest, OthersErrorsHaveTheirCodeAsReason) {
+  EXPECT_EQ(DetailsOf(absl::InternalError("x")).reason, "INTERNAL");
+}
+
+TEST(ErrorsTest, TheFieldIsNotRepeatedInFrontOfCoresMessages) {
+  EXPECT_EQ(
+      MeshMalformed("mesh_x.faces[3]", "mesh_x.faces[3] is odd").message(),
+      "mesh_x.faces[3] is odd");
+}
+
+TEST(ErrorsTest, ThePathAtTheHeadOfAMessageIsFound) {
+  EXPECT_EQ(LeadingFieldPath("mesh_x.faces[3]: bad", "mesh_x"),
+            "mesh_x.faces[3]");
+  EXPECT_EQ(LeadingFieldPath("something else", "mesh_x"), "mesh_x");
+}
+
+}  // namespace
+}  // namespace isomatch

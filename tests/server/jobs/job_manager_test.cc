@@ -1,0 +1,462 @@
+#include "server/jobs/job_manager.h"
+
+#include <atomic>
+#include <functional>
+#include <memory>
+#include <new>
+#include <set>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "absl/strings/str_cat.h"
+#include "server/jobs/errors.h"
+#include "server/jobs/thread_pool.h"
+#include "server/storage/memory_blob_store.h"
+#include "server/storage/memory_job_store.h"
+#include "tests/server/manual_executor.h"
+#include "tests/support/matchers.h"
+
+namespace isomatch {
+namespace {
+
+using testing::_;
+using testing::ElementsAre;
+
+std::string ReasonOf(const absl::Status& status) {
+  return status.ok() ? "OK" : DetailsOf(status).reason;
+}
+
+/// A manager whose jobs run when the test says so. A job needs as many bytes as
+/// it has landmarks; `during_match` is what it does while it runs.
+class JobManagerTest : public testing::Test {
+ protected:
+  JobManagerTest() { Restart({}); }
+
+  void Restart(const JobManager::Limits& limits) {
+    manager_ = std::make_unique<JobManager>(limits, MakeParts());
+  }
+
+  JobManager::Parts MakeParts() {
+    JobManager::Parts parts;
+    parts.jobs = &jobs_;
+    parts.blobs = &blobs_;
+    parts.budget = &budget_;
+    parts.runner = &runner_;
+    parts.workers = &workers_;
+    parts.timers = &timers_;
+    parts.now = [] { return absl::UnixEpoch(); };
+    parts.new_id = [this] { return absl::StrCat("job", ++last_id_); };
+    parts.on_state = [this](const JobRecord& record) {
+      history_.push_back(JobStateName(record.state));
+    };
+    return parts;
+  }
+
+  MatchEngine FakeEngine() {
+    MatchEngine engine;
+    engine.match = [this](
+                       auto&&, auto&&, auto&&, auto&&, auto&& progress,
+                       std::stop_token stop) -> absl::StatusOr<Correspondence> {
+      progress({Stage::kGeodesics, 0.5, 0.25});
+      const absl::Status status = during_match_(stop);
+      if (!status.ok()) return status;
+      Correspondence found;
+      found.y_from_x = {static_cast<VertexIndex>(++matches_)};
+      return found;
+    };
+    engine.estimate = [](auto&&, auto&&, std::int64_t landmarks, auto&&) {
+      return landmarks;
+    };
+    return engine;
+  }
+
+  static JobSpec Needing(int bytes) {
+    JobSpec spec;
+    spec.landmarks.resize(static_cast<size_t>(bytes));
+    return spec;
+  }
+
+  std::string Create(JobSpec spec = Needing(1)) {
+    const auto snapshot = manager_->Create(std::move(spec));
+    EXPECT_THAT(snapshot, IsOk());
+    return snapshot.ok() ? snapshot->record.id : "";
+  }
+
+  std::string StateOf(const std::string& id) {
+    const auto snapshot = manager_->Get(id);
+    return snapshot.ok() ? JobStateName(snapshot->record.state) : "GONE";
+  }
+
+  std::string FailureOf(const std::string& id) {
+    const auto snapshot = manager_->Get(id);
+    return snapshot.ok() && snapshot->record.error
+               ? snapshot->record.error->reason
+               : "none";
+  }
+
+  static constexpr std::int64_t kBudget = 1000;
+
+  std::atomic<int> last_id_ = 0;
+  int matches_ = 0;
+  std::vector<std::string> history_;
+  std::function<absl::Status(std::stop_token)> during_match_ =
+      [](const std::stop_token&) { return absl::OkStatus(); };
+  MemoryJobStore jobs_;
+  MemoryBlobStore blobs_{1 << 20};
+  MemoryBudget budget_{kBudget};
+  JobRunner runner_{FakeEngine(), absl::Now};
+  ManualExecutor workers_;
+  ManualExecutor timers_;
+  std::unique_ptr<JobManager> manager_;
+};
+
+TEST_F(JobManagerTest, AJobIsQueuedRunsAndSucceeds) {
+  const std::string id = Create();
+  EXPECT_EQ(StateOf(id), "QUEUED");
+  during_match_ = [&](const std::stop_token&) {
+    const JobRecord record = manager_->Get(id)->record;
+    EXPECT_EQ(record.state, JobState::kRunning);
+    EXPECT_EQ(record.progress.total_fraction, 0.25);
+    EXPECT_EQ(budget_.reserved_bytes(), 1);
+    return absl::OkStatus();
+  };
+  EXPECT_TRUE(workers_.RunNext());
+  EXPECT_EQ(StateOf(id), "SUCCEEDED");
+  EXPECT_EQ(budget_.reserved_bytes(), 0);
+  EXPECT_THAT(history_, ElementsAre("QUEUED", "RUNNING", "SUCCEEDED"));
+  const auto map = manager_->GetMap(id);
+  ASSERT_THAT(map, IsOk());
+  EXPECT_EQ(*map->bytes, std::string("\1\0\0\0", 4));
+  EXPECT_EQ(map->record.progress.total_fraction, 1);
+}
+
+TEST_F(JobManagerTest, OnlyAsManyJobsRunAsThereAreWorkers) {
+  Restart({.workers = 2});
+  for (int i = 0; i < 4; ++i) Create();
+  EXPECT_EQ(manager_->load().running_jobs, 2);
+  EXPECT_EQ(manager_->load().queued_jobs, 2);
+  EXPECT_EQ(manager_->Get("job4")->queue_position, 1);
+  EXPECT_TRUE(workers_.RunNext());
+  EXPECT_EQ(manager_->load().queued_jobs, 1);
+  EXPECT_EQ(manager_->Get("job4")->queue_position, 0);
+}
+
+TEST_F(JobManagerTest, AFullQueueRefusesAndSaysWhenToTryAgain) {
+  Restart({.max_queued_jobs = 2});
+  for (int i = 0; i < 3; ++i) Create();  // one runs, two wait
+  const absl::Status refused = manager_->Create(Needing(1)).status();
+  EXPECT_THAT(refused, StatusIs(absl::StatusCode::kResourceExhausted, _));
+  EXPECT_EQ(ReasonOf(refused), "QUEUE_FULL");
+  EXPECT_TRUE(DetailsOf(refused).retry_after);
+  EXPECT_TRUE(workers_.RunNext());
+  EXPECT_THAT(manager_->Create(Needing(1)), IsOk());
+}
+
+TEST_F(JobManagerTest, TheMeshesOfWaitingJobsAreBounded) {
+  const auto heavy = [] {
+    JobSpec spec;
+    spec.mesh_x.positions.resize(6, 3);  // 144 of the 250 bytes for waiting
+    return spec;
+  };
+  Create(heavy());  // runs
+  Create(heavy());
+  EXPECT_EQ(ReasonOf(manager_->Create(heavy()).status()), "QUEUE_FULL");
+  EXPECT_THAT(manager_->Create(Needing(1)), IsOk());
+}
+
+TEST_F(JobManagerTest, WhatNeverFitsIsRefusedAtOnce) {
+  EXPECT_EQ(ReasonOf(manager_->Create(Needing(kBudget + 1)).status()),
+            "JOB_NEEDS_MORE_MEMORY_THAN_BUDGET");
+  EXPECT_THAT(manager_->Create(Needing(kBudget)), IsOk());
+}
+
+TEST_F(JobManagerTest, ASmallJobPassesOneThatWaitsForMemory) {
+  Restart({.workers = 3});
+  const std::string first = Create(Needing(600));
+  const std::string large = Create(Needing(600));
+  const std::string small = Create(Needing(300));
+  EXPECT_EQ(manager_->load().running_jobs, 2);
+  EXPECT_EQ(budget_.reserved_bytes(), 900);
+  EXPECT_TRUE(workers_.RunNext());
+  EXPECT_TRUE(workers_.RunNext());
+  EXPECT_EQ(StateOf(small), "SUCCEEDED");
+  EXPECT_EQ(StateOf(large), "QUEUED");  // posted, as the first one has gone
+  EXPECT_TRUE(workers_.RunNext());
+  EXPECT_EQ(StateOf(large), "SUCCEEDED");
+}
+
+TEST_F(JobManagerTest, ACancelledQueuedJobNeverRuns) {
+  const std::string running = Create();
+  const std::string queued = Create();
+  EXPECT_EQ(manager_->Cancel(queued)->record.state, JobState::kCancelled);
+  EXPECT_EQ(manager_->load().queued_jobs, 0);
+  while (workers_.RunNext()) {
+  }
+  EXPECT_EQ(matches_, 1);
+  EXPECT_EQ(StateOf(running), "SUCCEEDED");
+  EXPECT_EQ(StateOf(queued), "CANCELLED");
+}
+
+TEST_F(JobManagerTest, ACancelledJobThatHoldsUpTheQueueFreesIt) {
+  Restart({.workers = 2, .max_passes = 0});
+  Create(Needing(600));
+  const std::string blocking = Create(Needing(600));
+  Create(Needing(300));
+  EXPECT_EQ(manager_->load().running_jobs, 1);
+  ASSERT_THAT(manager_->Cancel(blocking), IsOk());
+  EXPECT_EQ(manager_->load().running_jobs, 2);
+}
+
+TEST_F(JobManagerTest, ACancelledRunningJobIsAskedToStop) {
+  const std::string id = Create();
+  during_match_ = [&](const std::stop_token& stop) -> absl::Status {
+    EXPECT_FALSE(stop.stop_requested());
+    EXPECT_THAT(manager_->Cancel(id), IsOk());
+    EXPECT_TRUE(stop.stop_requested());
+    EXPECT_EQ(budget_.reserved_bytes(), 1);  // it still runs
+    return absl::CancelledError("cancelled");
+  };
+  EXPECT_TRUE(workers_.RunNext());
+  EXPECT_EQ(StateOf(id), "CANCELLED");
+  EXPECT_EQ(budget_.reserved_bytes(), 0);
+  EXPECT_THAT(history_, ElementsAre("QUEUED", "RUNNING", "CANCELLED"));
+}
+
+TEST_F(JobManagerTest, AResultThatComesAfterTheCancelIsDropped) {
+  const std::string id = Create();
+  during_match_ = [&](const std::stop_token&) {
+    return manager_->Cancel(id).status();
+  };
+  EXPECT_TRUE(workers_.RunNext());
+  EXPECT_EQ(StateOf(id), "CANCELLED");
+  EXPECT_EQ(ReasonOf(manager_->GetMap(id).status()), "JOB_NOT_SUCCEEDED");
+  EXPECT_EQ(manager_->load().running_jobs, 0);
+}
+
+TEST_F(JobManagerTest, ATerminalJobStaysAsItIs) {
+  const std::string id = Create();
+  EXPECT_TRUE(workers_.RunNext());
+  EXPECT_EQ(ReasonOf(manager_->Cancel(id).status()), "JOB_TERMINAL");
+  EXPECT_EQ(StateOf(id), "SUCCEEDED");
+  EXPECT_EQ(ReasonOf(manager_->Cancel("nobody").status()), "JOB_NOT_FOUND");
+}
+
+TEST_F(JobManagerTest, AFailedAllocationFailsThatJobOnly) {
+  const std::string bad = Create();
+  const std::string good = Create();
+  during_match_ = [](const std::stop_token&) -> absl::Status {
+    throw std::bad_alloc();
+  };
+  EXPECT_TRUE(workers_.RunNext());
+  during_match_ = [](const std::stop_token&) { return absl::OkStatus(); };
+  EXPECT_TRUE(workers_.RunNext());
+  EXPECT_EQ(StateOf(bad), "FAILED");
+  EXPECT_EQ(FailureOf(bad), "OUT_OF_MEMORY");
+  EXPECT_EQ(StateOf(good), "SUCCEEDED");
+  EXPECT_EQ(budget_.reserved_bytes(), 0);
+}
+
+TEST_F(JobManagerTest, TheQueueTimeoutFiresWhileTheWorkerIsBusy) {
+  const std::string running = Create();
+  JobSpec spec = Needing(1);
+  spec.queue_timeout = absl::Seconds(5);
+  const std::string queued = Create(std::move(spec));
+  during_match_ = [&](const std::stop_token&) {
+    timers_.Advance(absl::Seconds(4));
+    EXPECT_EQ(StateOf(queued), "QUEUED");
+    timers_.Advance(absl::Seconds(1));
+    EXPECT_EQ(StateOf(queued), "FAILED");
+    return absl::OkStatus();
+  };
+  EXPECT_TRUE(workers_.RunNext());
+  EXPECT_EQ(FailureOf(queued), "QUEUE_TIMEOUT");
+  EXPECT_EQ(StateOf(running), "SUCCEEDED");
+  EXPECT_FALSE(workers_.RunNext());
+}
+
+TEST_F(JobManagerTest, TheQueueTimeoutEndsWhenTheJobStarts) {
+  JobSpec spec = Needing(1);
+  spec.queue_timeout = absl::Seconds(5);
+  Create(std::move(spec));
+  EXPECT_EQ(timers_.live_timers(), 1);
+  during_match_ = [&](const std::stop_token&) {
+    EXPECT_EQ(timers_.live_timers(), 0);
+    return absl::OkStatus();
+  };
+  EXPECT_TRUE(workers_.RunNext());
+}
+
+TEST_F(JobManagerTest, TheRunTimeoutFailsTheJobThoughItsMatchHangs) {
+  JobSpec spec = Needing(1);
+  spec.queue_timeout = absl::Seconds(1);  // must not count while it runs
+  spec.run_timeout = absl::Seconds(5);
+  const std::string id = Create(std::move(spec));
+  during_match_ = [&](const std::stop_token& stop) {
+    timers_.Advance(absl::Seconds(4));
+    EXPECT_EQ(StateOf(id), "RUNNING");
+    timers_.Advance(absl::Seconds(1));
+    EXPECT_EQ(StateOf(id), "FAILED");
+    EXPECT_TRUE(stop.stop_requested());
+    return absl::OkStatus();
+  };
+  EXPECT_TRUE(workers_.RunNext());
+  EXPECT_EQ(FailureOf(id), "RUN_TIMEOUT");
+  EXPECT_EQ(timers_.live_timers(), 0);
+}
+
+TEST_F(JobManagerTest, AJobThatEndsInTimeLeavesNoTimer) {
+  JobSpec spec = Needing(1);
+  spec.queue_timeout = absl::Seconds(5);
+  spec.run_timeout = absl::Seconds(5);
+  const std::string id = Create(std::move(spec));
+  EXPECT_TRUE(workers_.RunNext());
+  EXPECT_EQ(timers_.live_timers(), 0);
+  EXPECT_EQ(StateOf(id), "SUCCEEDED");
+}
+
+TEST_F(JobManagerTest, TheSameRequestAgainIsTheSameJob) {
+  JobSpec spec = Needing(1);
+  spec.request_id = "r";
+  spec.request_sha256 = "1";
+  const std::string id = Create(spec);
+  EXPECT_EQ(Create(spec), id);
+  EXPECT_TRUE(workers_.RunNext());
+  EXPECT_EQ(Create(spec), id);
+  EXPECT_FALSE(workers_.RunNext());
+  spec.request_sha256 = "2";
+  EXPECT_EQ(ReasonOf(manager_->Create(spec).status()), "REQUEST_ID_REUSED");
+}
+
+TEST_F(JobManagerTest, ValidateOnlyKeepsNothing) {
+  JobSpec spec = Needing(7);
+  spec.validate_only = true;
+  const auto snapshot = manager_->Create(std::move(spec));
+  ASSERT_THAT(snapshot, IsOk());
+  EXPECT_EQ(snapshot->record.id, "");
+  EXPECT_EQ(snapshot->record.memory_estimate_bytes, 7);
+  EXPECT_TRUE(manager_->List({}).empty());
+  EXPECT_FALSE(workers_.RunNext());
+}
+
+TEST_F(JobManagerTest, OnlySoManyTerminalJobsAreKeptWithTheirResults) {
+  Restart({.max_kept_jobs = 2});
+  for (int i = 0; i < 5; ++i) {
+    Create();
+    EXPECT_TRUE(workers_.RunNext());
+  }
+  EXPECT_EQ(manager_->List({}).size(), 2);
+  EXPECT_EQ(StateOf("job3"), "GONE");
+  EXPECT_EQ(StateOf("job4"), "SUCCEEDED");
+  // The results that are gone may be evicted: a blob of all their room fits.
+  EXPECT_THAT(
+      blobs_.Put("x", std::string((1 << 20) - 8, 'x'), Keep::kWhileRoom),
+      IsOk());
+}
+
+TEST_F(JobManagerTest, OnlyTerminalJobsAreDeleted) {
+  const std::string id = Create();
+  EXPECT_EQ(ReasonOf(manager_->Delete(id)), "JOB_NOT_TERMINAL");
+  EXPECT_TRUE(workers_.RunNext());
+  EXPECT_THAT(manager_->Delete(id), IsOk());
+  EXPECT_EQ(ReasonOf(manager_->Delete(id)), "JOB_NOT_FOUND");
+}
+
+TEST_F(JobManagerTest, DrainingCancelsTheQueueAndTakesNoMore) {
+  const std::string running = Create();
+  const std::string queued = Create();
+  manager_->BeginDrain();
+  EXPECT_EQ(StateOf(queued), "CANCELLED");
+  EXPECT_EQ(ReasonOf(manager_->Create(Needing(1)).status()), "DRAINING");
+  EXPECT_TRUE(workers_.RunNext());
+  EXPECT_EQ(StateOf(running), "SUCCEEDED");
+}
+
+TEST_F(JobManagerTest, ShutdownCancelsWhatRunsLongerThanTheDrain) {
+  std::atomic<bool> started = false;
+  during_match_ = [&](const std::stop_token& stop) -> absl::Status {
+    started = true;
+    while (!stop.stop_requested()) std::this_thread::yield();
+    return absl::CancelledError("cancelled");
+  };
+  const std::string id = Create();
+  std::thread worker([&] { workers_.RunNext(); });
+  while (!started) std::this_thread::yield();
+  manager_->Shutdown(absl::Milliseconds(20));
+  EXPECT_EQ(manager_->load().running_jobs, 0);
+  worker.join();
+  EXPECT_EQ(StateOf(id), "CANCELLED");
+}
+
+/// Counts its calls.
+class CountingWatcher : public JobWatcher {
+ public:
+  void OnJobChanged() override { ++calls; }
+  std::atomic<int> calls = 0;
+};
+
+TEST_F(JobManagerTest, WatchersAreToldOfEveryChangeUntilTheyAreRemoved) {
+  const auto watcher = std::make_shared<CountingWatcher>();
+  const std::string id = Create();
+  manager_->watchers().Add(id, watcher);
+  EXPECT_TRUE(workers_.RunNext());
+  EXPECT_EQ(watcher->calls, 3);  // running, progress, succeeded
+  manager_->watchers().Remove(id, watcher.get());
+  ASSERT_THAT(manager_->Delete(id), IsOk());
+  EXPECT_EQ(watcher->calls, 3);
+}
+
+/// Real threads: every job ends once, whatever comes at the same time.
+TEST_F(JobManagerTest, JobsCancelledAndTimedOutByManyThreadsAllEnd) {
+  ThreadPool workers(3);
+  ThreadPool timers(1);
+  during_match_ = [](const std::stop_token& stop) -> absl::Status {
+    for (int i = 0; i < 200 && !stop.stop_requested(); ++i) {
+      std::this_thread::yield();
+    }
+    return stop.stop_requested() ? absl::CancelledError("") : absl::OkStatus();
+  };
+  MatchEngine engine = FakeEngine();
+  engine.match = [this](
+                     auto&&, auto&&, auto&&, auto&&, auto&&,
+                     std::stop_token stop) -> absl::StatusOr<Correspondence> {
+    const absl::Status status = during_match_(stop);
+    if (!status.ok()) return status;
+    return Correspondence();
+  };
+  const JobRunner runner(engine, absl::Now);
+  JobManager::Parts parts = MakeParts();
+  parts.on_state = nullptr;
+  parts.workers = &workers;
+  parts.timers = &timers;
+  parts.runner = &runner;
+  JobManager manager({.workers = 3, .max_queued_jobs = 10}, parts);
+  std::vector<std::thread> clients;
+  for (int c = 0; c < 4; ++c) {
+    clients.emplace_back([&, c] {
+      for (int i = 0; i < 200; ++i) {
+        JobSpec spec = Needing(1 + (i * 131) % kBudget);
+        if (i % 3 == 0) spec.run_timeout = absl::Microseconds(50);
+        if (i % 5 == 0) spec.queue_timeout = absl::Microseconds(50);
+        const auto made = manager.Create(std::move(spec));
+        if (made.ok() && (i + c) % 2 == 0) {
+          (void)manager.Cancel(made->record.id);
+        }
+      }
+    });
+  }
+  for (std::thread& client : clients) client.join();
+  manager.Shutdown(absl::Seconds(20));
+  EXPECT_EQ(budget_.reserved_bytes(), 0);
+  EXPECT_EQ(manager.load().queued_jobs, 0);
+  for (const JobSnapshot& job : manager.List({{}, 0, 1000})) {
+    EXPECT_TRUE(IsTerminal(job.record.state)) << job.record.id;
+  }
+}
+
+}  // namespace
+}  // namespace isomatch

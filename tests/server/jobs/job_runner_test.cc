@@ -1,0 +1,114 @@
+#include "server/jobs/job_runner.h"
+
+#include <new>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "server/jobs/errors.h"
+#include "tests/support/matchers.h"
+
+namespace isomatch {
+namespace {
+
+using testing::_;
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+/// A runner around `match`, with a clock that the test sets.
+class JobRunnerTest : public testing::Test {
+ protected:
+  JobRunner Runner(decltype(MatchEngine::match) match) {
+    MatchEngine engine;
+    engine.match = std::move(match);
+    engine.estimate = [](MeshSize x, MeshSize y, std::int64_t, const auto&) {
+      return x.vertices + y.vertices;
+    };
+    return JobRunner(engine, [this] { return now_; });
+  }
+
+  absl::StatusOr<RunOutcome> Run(decltype(MatchEngine::match) match) {
+    return Runner(std::move(match))
+        .Run(JobSpec(),
+             [this](const auto& progress) {
+               reports_.push_back(progress.stage_fraction);
+             },
+             {});
+  }
+
+  absl::Time now_ = absl::UnixEpoch();
+  std::vector<double> reports_;
+};
+
+TEST_F(JobRunnerTest, TheMapIsLittleEndianAndNoMatchIsAllOnes) {
+  const auto outcome = Run([](auto&&...) {
+    Correspondence found;
+    found.y_from_x = {0x0102, kNoVertex};
+    return found;
+  });
+  ASSERT_THAT(outcome, IsOk());
+  EXPECT_EQ(outcome->map, std::string("\x02\x01\0\0\xFF\xFF\xFF\xFF", 8));
+  EXPECT_EQ(outcome->result.unmatched, 1);
+  EXPECT_GT(outcome->result.peak_resident_bytes, 1 << 20);
+}
+
+TEST_F(JobRunnerTest, MeasuresTheSecondsOfEachStage) {
+  const auto outcome = Run([this](auto&&, auto&&, auto&&, auto&&,
+                                  const ProgressCallback& progress, auto&&) {
+    progress({Stage::kGeodesics, 0, 0});
+    now_ += absl::Seconds(3);
+    progress({Stage::kGeodesics, 1, 0.5});
+    progress({Stage::kDense, 0, 0.5});
+    now_ += absl::Seconds(2);
+    progress({Stage::kDense, 1, 1});
+    return Correspondence();
+  });
+  ASSERT_THAT(outcome, IsOk());
+  const auto& times = outcome->result.stage_times;
+  ASSERT_EQ(times.size(), 2);
+  EXPECT_EQ(times[0].stage, static_cast<int>(Stage::kGeodesics));
+  EXPECT_EQ(times[0].seconds, 3);
+  EXPECT_EQ(times[1].seconds, 2);
+  EXPECT_EQ(outcome->result.run_seconds, 5);
+}
+
+TEST_F(JobRunnerTest, PassesOnAReportEveryTenthOfASecondAndAllEnds) {
+  (void)Run([this](auto&&, auto&&, auto&&, auto&&,
+                   const ProgressCallback& progress, auto&&) {
+    for (const double fraction : {0.0, 0.1, 0.2, 0.3}) {
+      progress({Stage::kSeeds, fraction, 0});
+      now_ += absl::Milliseconds(60);
+    }
+    progress({Stage::kSeeds, 1, 0});
+    return Correspondence();
+  });
+  EXPECT_THAT(reports_, ElementsAre(0.0, 0.2, 1.0));
+}
+
+TEST_F(JobRunnerTest, AFailedAllocationIsAnErrorOfTheJob) {
+  const auto outcome = Run([](auto&&...) -> absl::StatusOr<Correspondence> {
+    throw std::bad_alloc();
+  });
+  EXPECT_THAT(outcome, StatusIs(absl::StatusCode::kResourceExhausted, _));
+  EXPECT_EQ(DetailsOf(outcome.status()).reason, "OUT_OF_MEMORY");
+}
+
+TEST_F(JobRunnerTest, AnyOtherExceptionIsInternal) {
+  EXPECT_THAT(Run([](auto&&...) -> absl::StatusOr<Correspondence> {
+                throw std::length_error("too long");
+              }),
+              StatusIs(absl::StatusCode::kInternal, HasSubstr("too long")));
+}
+
+TEST_F(JobRunnerTest, TheEstimateIncludesTheMeshes) {
+  JobSpec spec;
+  spec.mesh_x.positions.resize(10, 3);
+  spec.mesh_y.faces.resize(5, 3);
+  EXPECT_EQ(Runner(nullptr).EstimateBytes(spec), 10 * 3 * 8 + 5 * 3 * 4 + 10);
+}
+
+}  // namespace
+}  // namespace isomatch

@@ -1,0 +1,59 @@
+#include "server/jobs/memory_limit.h"
+
+#include <filesystem>
+#include <fstream>
+#include <string>
+
+#include <gtest/gtest.h>
+
+namespace isomatch {
+namespace {
+
+/// A file system of its own below the test's temporary directory.
+class MemoryLimitTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    root_ = testing::TempDir() + "memory_limit_test";
+    std::filesystem::remove_all(root_);
+    Write("/proc/meminfo", "MemTotal:       1000 kB\nMemFree:  7 kB\n");
+  }
+
+  void Write(const std::string& path, const std::string& text) {
+    const std::filesystem::path file = root_ + path;
+    std::filesystem::create_directories(file.parent_path());
+    std::ofstream(file) << text;
+  }
+
+  std::string root_;
+};
+
+TEST_F(MemoryLimitTest, IsThePhysicalMemoryWithoutACgroup) {
+  EXPECT_EQ(AvailableMemoryBytes(root_), 1000 * 1024);
+}
+
+TEST_F(MemoryLimitTest, IsTheSmallestLimitOfTheCgroupAndItsAncestors) {
+  Write("/proc/self/cgroup", "0::/pod/container\n");
+  Write("/sys/fs/cgroup/pod/container/memory.max", "max\n");
+  Write("/sys/fs/cgroup/pod/memory.max", "4096\n");
+  EXPECT_EQ(AvailableMemoryBytes(root_), 4096);
+}
+
+TEST_F(MemoryLimitTest, IsTheMountsRootWhenTheGroupIsNotVisible) {
+  Write("/proc/self/cgroup", "5:cpu:/x\n4:memory:/docker/abc\n");
+  Write("/sys/fs/cgroup/memory/memory.limit_in_bytes", "2048\n");
+  EXPECT_EQ(AvailableMemoryBytes(root_), 2048);
+}
+
+TEST(AvailableMemoryTest, OfThisMachineIsPlausible) {
+  EXPECT_GT(AvailableMemoryBytes(), 64 << 20);
+  EXPECT_LT(AvailableMemoryBytes(), std::int64_t{1} << 46);
+}
+
+TEST(ChooseMemoryBudgetTest, IsNeverMoreThanFourFifths) {
+  EXPECT_EQ(ChooseMemoryBudget(0, 1000), 800);
+  EXPECT_EQ(ChooseMemoryBudget(500, 1000), 500);
+  EXPECT_EQ(ChooseMemoryBudget(900, 1000), 800);
+}
+
+}  // namespace
+}  // namespace isomatch

@@ -1,0 +1,53 @@
+#include "server/jobs/thread_pool.h"
+
+#include <atomic>
+#include <latch>
+#include <memory>
+
+#include <gtest/gtest.h>
+
+#include "absl/time/clock.h"
+
+namespace isomatch {
+namespace {
+
+TEST(ThreadPoolTest, RunsAsManyTasksAtATimeAsItHasThreads) {
+  ThreadPool pool(3);
+  std::latch together(3);  // opens only when all three run at once
+  for (int i = 0; i < 3; ++i) pool.Post([&] { together.arrive_and_wait(); });
+  together.wait();
+}
+
+TEST(ThreadPoolTest, FinishesPostedTasksBeforeItGoes) {
+  std::atomic<int> runs = 0;
+  {
+    ThreadPool pool(1);
+    for (int i = 0; i < 100; ++i) pool.Post([&] { ++runs; });
+  }
+  EXPECT_EQ(runs, 100);
+}
+
+TEST(ThreadPoolTest, ATimerRunsAfterItsDelay) {
+  ThreadPool pool(1);
+  std::latch ran(1);
+  const absl::Time begin = absl::Now();
+  const auto timer =
+      pool.PostAfter(absl::Milliseconds(30), [&] { ran.count_down(); });
+  ran.wait();
+  EXPECT_GE(absl::Now() - begin, absl::Milliseconds(29));
+}
+
+TEST(ThreadPoolTest, ADroppedTimerNeverRunsAndHoldsNothingUp) {
+  std::atomic<bool> ran = false;
+  const absl::Time begin = absl::Now();
+  {
+    ThreadPool pool(1);
+    auto timer = pool.PostAfter(absl::Seconds(30), [&] { ran = true; });
+    timer.reset();
+  }
+  EXPECT_FALSE(ran);
+  EXPECT_LT(absl::Now() - begin, absl::Seconds(10));
+}
+
+}  // namespace
+}  // namespace isomatch

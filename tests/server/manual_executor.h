@@ -1,0 +1,40 @@
+#pragma once
+
+#include <deque>
+#include <functional>
+#include <memory>
+#include <vector>
+
+#include "server/jobs/executor.h"
+
+namespace isomatch {
+
+/// An executor whose tasks run when the test says so, on the test's thread.
+class ManualExecutor : public Executor {
+ public:
+  void Post(std::function<void()> task) override {
+    tasks_.push_back(std::move(task));
+  }
+  Timer PostAfter(absl::Duration delay, std::function<void()> task) override;
+
+  /// Runs the first posted task; false when there is none.
+  bool RunNext();
+
+  /// Lets time pass: runs the timers that are due and still wanted.
+  void Advance(absl::Duration duration);
+
+  /// Timers that were not dropped and have not run.
+  int live_timers() const;
+
+ private:
+  struct Scheduled {
+    absl::Duration due;
+    std::weak_ptr<void> wanted;
+    std::function<void()> task;
+  };
+  std::deque<std::function<void()>> tasks_;
+  std::vector<Scheduled> timers_;
+  absl::Duration now_;
+};
+
+}  // namespace isomatch

@@ -1,0 +1,145 @@
+#include "tests/server/test_server.h"
+
+#include <utility>
+
+#include "absl/time/clock.h"
+#include "core/io/draco_mesh.h"
+#include "google/rpc/status.pb.h"
+#include "tests/support/shapes.h"
+
+namespace isomatch {
+
+CallError ErrorOf(const grpc::Status& status) {
+  CallError error{status.error_code(), "", ""};
+  google::rpc::Status details;
+  EXPECT_TRUE(details.ParseFromString(status.error_details()));
+  for (const auto& any : details.details()) {
+    google::rpc::ErrorInfo info;
+    google::rpc::BadRequest bad_request;
+    if (any.UnpackTo(&info)) error.reason = info.reason();
+    if (any.UnpackTo(&bad_request)) {
+      error.field = bad_request.field_violations(0).field();
+    }
+    if (any.Is<google::rpc::RetryInfo>()) error.has_retry = true;
+  }
+  return error;
+}
+
+v1::Mesh ToDraco(const TriangleMesh& mesh) {
+  const auto encoded = EncodeDraco(mesh);
+  EXPECT_TRUE(encoded.ok());
+  v1::Mesh proto;
+  proto.set_draco(encoded->bytes);
+  proto.set_vertex_order(encoded->vertex_order == VertexOrder::kDecoded
+                             ? v1::VERTEX_ORDER_DECODED
+                             : v1::VERTEX_ORDER_ID_ATTRIBUTE);
+  proto.set_vertex_count(static_cast<std::uint32_t>(mesh.num_vertices()));
+  return proto;
+}
+
+TestServer::TestServer() { Restart(TestConfig()); }
+
+TestServer::~TestServer() {
+  gate_open_ = true;
+  server_->Shutdown(absl::ZeroDuration());
+}
+
+ServerConfig TestServer::TestConfig() {
+  ServerConfig config;
+  config.listen = "127.0.0.1:0";
+  return config;
+}
+
+MatchEngine TestServer::GatedEngine() {
+  MatchEngine engine;
+  engine.match =
+      [this](const TriangleMesh& mesh_x, const TriangleMesh& mesh_y, auto&&,
+             auto&&, const ProgressCallback& progress,
+             const std::stop_token& stop) -> absl::StatusOr<Correspondence> {
+    progress({Stage::kGeodesics, 0, 0.1});
+    ++matches_;
+    while (!gate_open_ && !stop.stop_requested()) {
+      absl::SleepFor(absl::Milliseconds(1));
+    }
+    if (stop.stop_requested()) return absl::CancelledError("cancelled");
+    progress({Stage::kDense, 0, 0.5});
+    Correspondence found;
+    for (VertexIndex i = 0; i < mesh_x.num_vertices(); ++i) {
+      found.y_from_x.push_back(i % mesh_y.num_vertices());
+    }
+    return found;
+  };
+  engine.estimate = [](auto&&...) { return std::int64_t{1} << 20; };
+  engine.validate_landmarks = [](absl::Span<const Landmark> landmarks, auto,
+                                 auto) -> absl::Status {
+    if (landmarks.size() == 2 && landmarks[0].x == landmarks[1].x) {
+      return absl::InvalidArgumentError("landmarks[1].x is matched twice");
+    }
+    return absl::OkStatus();
+  };
+  return engine;
+}
+
+void TestServer::Restart(ServerConfig config) {
+  server_.reset();
+  auto created = Server::Create(config, GatedEngine());
+  ASSERT_TRUE(created.ok()) << created.status();
+  server_ = *std::move(created);
+  channel_ = grpc::CreateChannel(server_->address(),
+                                 grpc::InsecureChannelCredentials());
+  stub_ = v1::CorrespondenceService::NewStub(channel_);
+}
+
+v1::CreateJobRequest TestServer::SphereJob() const {
+  v1::CreateJobRequest request;
+  *request.mutable_mesh_x() = ToDraco(UnitSphere(1));
+  *request.mutable_mesh_y() = ToDraco(Tetrahedron());
+  return request;
+}
+
+std::string TestServer::CreateJob() { return CreateJob(SphereJob()); }
+
+std::string TestServer::CreateJob(const v1::CreateJobRequest& request) {
+  grpc::ClientContext context;
+  v1::CreateJobResponse response;
+  const grpc::Status status = stub_->CreateJob(&context, request, &response);
+  EXPECT_TRUE(status.ok()) << status.error_message();
+  return response.job().name();
+}
+
+CallError TestServer::CreateError(const v1::CreateJobRequest& request) {
+  grpc::ClientContext context;
+  v1::CreateJobResponse response;
+  return ErrorOf(stub_->CreateJob(&context, request, &response));
+}
+
+v1::Job TestServer::GetJob(const std::string& name) {
+  grpc::ClientContext context;
+  v1::GetJobRequest request;
+  request.set_name(name);
+  v1::GetJobResponse response;
+  EXPECT_TRUE(stub_->GetJob(&context, request, &response).ok());
+  return response.job();
+}
+
+std::vector<v1::Job> TestServer::Watch(const std::string& name,
+                                       std::uint64_t after_sequence) {
+  grpc::ClientContext context;
+  v1::WatchJobRequest request;
+  request.set_name(name);
+  request.set_after_sequence(after_sequence);
+  const auto reader = stub_->WatchJob(&context, request);
+  std::vector<v1::Job> jobs;
+  for (v1::WatchJobResponse response; reader->Read(&response);) {
+    jobs.push_back(response.job());
+  }
+  const grpc::Status status = reader->Finish();
+  EXPECT_TRUE(status.ok()) << status.error_message();
+  return jobs;
+}
+
+void TestServer::WaitForMatches(int count) const {
+  while (matches_ < count) absl::SleepFor(absl::Milliseconds(1));
+}
+
+}  // namespace isomatch
