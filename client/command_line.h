@@ -1,0 +1,30 @@
+#pragma once
+
+#include <iostream>
+#include <stop_token>
+
+#include "absl/status/status.h"
+
+namespace isomatch {
+
+/// Where a command reads and writes beside its files.
+struct Terminal {
+  std::ostream& out = std::cout;
+  std::ostream& err = std::cerr;
+  /// Whether `err` can draw a progress bar.
+  bool is_interactive = false;
+  /// Requested when the user wants to stop.
+  std::stop_token stop;
+};
+
+/// What the program returns to its caller.
+inline constexpr int kExitSuccess = 0;
+inline constexpr int kExitFailure = 1;
+inline constexpr int kExitUsage = 2;  // wrong usage or input
+inline constexpr int kExitInterrupted = 130;
+
+/// Runs `isomatch` with these arguments and returns its exit status. Errors go
+/// to terminal.err as one line that begins with "isomatch: ".
+int RunCommandLine(int argc, const char* const* argv, const Terminal& terminal);
+
+}  // namespace isomatch

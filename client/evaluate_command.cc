@@ -1,0 +1,139 @@
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include <nlohmann/json.hpp>
+
+#include "absl/status/statusor.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "client/commands.h"
+#include "client/map_file.h"
+#include "client/mesh_file.h"
+#include "core/base/status_macros.h"
+#include "core/evaluation/geodesic_error.h"
+
+namespace isomatch {
+namespace {
+
+constexpr char kFooter[] = R"(
+The error of a vertex is the geodesic distance on Y between the vertex that MAP
+names and the true one (Princeton protocol), as a fraction of Y's geodesic
+diameter and of the square root of its area.
+
+GT has lines `x y`, or `x y y_mirrored` for shapes with a left-right symmetry,
+or one bare y for each vertex of X. With y_mirrored, the error against the
+mirrored truth is given too: a map that is good there only swaps left and right.
+
+Examples:
+  isomatch evaluate Y.off map.txt truth.txt
+  isomatch evaluate Y.off map.txt truth.txt --json)";
+
+struct Arguments {
+  std::string y;
+  std::string map;
+  std::string truth;
+  bool json = false;
+};
+
+struct Errors {
+  GeodesicError direct;
+  std::optional<GeodesicError> mirrored;
+};
+
+absl::StatusOr<Errors> Measure(const Arguments& arguments,
+                               const std::stop_token& stop) {
+  ISOMATCH_ASSIGN_OR_RETURN(const LoadedMesh y, ReadMesh(arguments.y, "Y"));
+  const VertexIndex vertices_y = y.mesh.num_vertices();
+  ISOMATCH_ASSIGN_OR_RETURN(const VertexMap found,
+                            ReadMap(arguments.map, vertices_y));
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const GroundTruth truth,
+      ReadGroundTruth(arguments.truth, static_cast<std::int64_t>(found.size()),
+                      vertices_y));
+  const GeodesicErrorMeter meter(y.mesh);
+  Errors errors;
+  ISOMATCH_ASSIGN_OR_RETURN(errors.direct,
+                            meter.Measure(found, truth.direct, stop));
+  if (!truth.mirrored.empty()) {
+    ISOMATCH_ASSIGN_OR_RETURN(errors.mirrored,
+                              meter.Measure(found, truth.mirrored, stop));
+  }
+  return errors;
+}
+
+nlohmann::ordered_json ErrorJson(const GeodesicError& error) {
+  nlohmann::ordered_json within = nlohmann::ordered_json::array();
+  for (std::size_t i = 0; i < kErrorThresholds.size(); ++i) {
+    within.push_back(
+        {{"threshold", kErrorThresholds[i]}, {"fraction", error.within[i]}});
+  }
+  return {{"mean_over_diameter", error.mean_over_diameter},
+          {"mean_over_sqrt_area", error.mean_over_sqrt_area},
+          {"max_over_diameter", error.max_over_diameter},
+          {"within", std::move(within)},
+          {"evaluated", error.evaluated},
+          {"unmatched", error.unmatched}};
+}
+
+std::string FormatJson(const Errors& errors) {
+  nlohmann::ordered_json json = {{"diameter", errors.direct.diameter},
+                                 {"sqrt_area", errors.direct.sqrt_area},
+                                 {"direct", ErrorJson(errors.direct)}};
+  if (errors.mirrored) json["mirrored"] = ErrorJson(*errors.mirrored);
+  constexpr int kIndent = 2;
+  return json.dump(kIndent) + "\n";
+}
+
+std::string FormatText(const std::string& name, const GeodesicError& error) {
+  std::string text = absl::StrFormat(
+      "%s: %d vertices compared, %d without a match\n"
+      "  mean error / diam(Y)       %.5f\n"
+      "  mean error / sqrt(area(Y)) %.5f\n"
+      "  max error / diam(Y)        %.5f\n",
+      name, error.evaluated, error.unmatched, error.mean_over_diameter,
+      error.mean_over_sqrt_area, error.max_over_diameter);
+  for (std::size_t i = 0; i < kErrorThresholds.size(); ++i) {
+    absl::StrAppendFormat(&text, "  within %.2f diam(Y)        %6.2f %%\n",
+                          kErrorThresholds[i], 100 * error.within[i]);
+  }
+  return text;
+}
+
+absl::Status Run(const Arguments& arguments, const Terminal& terminal) {
+  ISOMATCH_ASSIGN_OR_RETURN(const Errors errors,
+                            Measure(arguments, terminal.stop));
+  if (arguments.json) {
+    terminal.out << FormatJson(errors);
+  } else {
+    terminal.out << FormatText("direct", errors.direct);
+    if (errors.mirrored) {
+      terminal.out << FormatText("mirrored", *errors.mirrored);
+    }
+  }
+  terminal.out.flush();
+  return terminal.out
+             ? absl::OkStatus()
+             : absl::UnavailableError("standard output cannot be written");
+}
+
+}  // namespace
+
+Command AddEvaluateCommand(CLI::App& app) {
+  CLI::App* command = app.add_subcommand(
+      "evaluate", "Measures the error of a map against a ground truth.");
+  const auto arguments = std::make_shared<Arguments>();
+  command->add_option("Y", arguments->y, "Mesh that the map leads to")
+      ->required();
+  command->add_option("MAP", arguments->map, "Map as `match` writes it")
+      ->required();
+  command->add_option("GT", arguments->truth, "Ground truth")->required();
+  command->add_flag("--json", arguments->json, "Print JSON instead of text");
+  command->footer(kFooter);
+  return {command, [arguments](const Terminal& terminal) {
+            return Run(*arguments, terminal);
+          }};
+}
+
+}  // namespace isomatch

@@ -1,0 +1,394 @@
+#include "client/isomatch_client.h"
+
+#include <algorithm>
+#include <chrono>
+#include <condition_variable>
+#include <cstddef>
+#include <mutex>
+#include <utility>
+
+#include <grpcpp/client_context.h>
+#include <grpcpp/create_channel.h>
+#include <grpcpp/security/credentials.h>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/string_view.h"
+#include "absl/time/clock.h"
+#include "absl/time/time.h"
+#include "client/rpc_status.h"
+#include "core/base/status_macros.h"
+
+namespace isomatch {
+namespace {
+
+// Room in a request for all but the meshes, landmarks counted apart.
+constexpr std::uint64_t kRequestOverheadBytes = 4096;
+// A landmark with its tag, at most.
+constexpr std::uint64_t kLandmarkBytes = 16;
+
+constexpr std::uint64_t kDefaultChunkBytes = 64 << 10;
+
+// From the first failure on; the pauses grow from the first to the longest.
+constexpr absl::Duration kPatience = absl::Seconds(10);
+constexpr absl::Duration kFirstPause = absl::Milliseconds(100);
+constexpr absl::Duration kLongestPause = absl::Seconds(2);
+
+// What a server gets to answer for the first time: the address may be wrong.
+constexpr absl::Duration kFirstContact = absl::Seconds(3);
+
+// What telling the server to cancel may take.
+constexpr absl::Duration kCancelTimeout = absl::Seconds(3);
+
+// Sleeps; returns at once when `stop` is requested.
+void Pause(absl::Duration duration, const std::stop_token& stop) {
+  std::mutex mutex;
+  std::condition_variable_any never;
+  std::unique_lock lock(mutex);
+  never.wait_for(lock, stop, absl::ToChronoMilliseconds(duration),
+                 [] { return false; });
+}
+
+// Pauses between attempts that end with UNAVAILABLE.
+class Backoff {
+ public:
+  explicit Backoff(const std::stop_token& stop,
+                   absl::Duration patience = kPatience)
+      : stop_(stop), patience_(patience) {}
+
+  void Reset() {
+    give_up_ = absl::InfiniteFuture();
+    pause_ = kFirstPause;
+  }
+
+  // True after a pause when `status` calls for another attempt.
+  bool Again(const absl::Status& status) {
+    const absl::Time now = absl::Now();
+    give_up_ = std::min(give_up_, now + patience_);
+    if (status.code() != absl::StatusCode::kUnavailable ||
+        now + pause_ > give_up_) {
+      return false;
+    }
+    Pause(pause_, stop_);
+    pause_ = std::min(2 * pause_, kLongestPause);
+    return !stop_.stop_requested();
+  }
+
+ private:
+  const std::stop_token& stop_;
+  const absl::Duration patience_;
+  absl::Time give_up_ = absl::InfiniteFuture();
+  absl::Duration pause_ = kFirstPause;
+};
+
+// A call's context that ends the call when `stop` is requested.
+class StoppableContext {
+ public:
+  explicit StoppableContext(const std::stop_token& stop)
+      : cancel_(stop, [this] { context_.TryCancel(); }) {}
+  grpc::ClientContext* get() { return &context_; }
+
+ private:
+  grpc::ClientContext context_;
+  std::stop_callback<std::function<void()>> cancel_;
+};
+
+absl::Status Stopped() { return absl::CancelledError("cancelled by the user"); }
+
+// A call that ends with CANCELLED without the user's wish was lost: a server
+// that stops ends its calls so.
+absl::Status OfCall(const grpc::Status& status, const std::stop_token& stop) {
+  if (status.error_code() == grpc::StatusCode::CANCELLED &&
+      !stop.stop_requested()) {
+    return absl::UnavailableError("the server ended the call");
+  }
+  return FromGrpc(status);
+}
+
+// Calls `call(context)` until it ends with anything but UNAVAILABLE.
+template <typename Call>
+absl::Status Retry(const std::stop_token& stop, const Call& call,
+                   absl::Duration patience = kPatience) {
+  Backoff backoff(stop, patience);
+  absl::Status status;
+  do {
+    StoppableContext context(stop);
+    status = OfCall(call(context.get()), stop);
+  } while (backoff.Again(status));
+  return stop.stop_requested() && !status.ok() ? Stopped() : status;
+}
+
+bool IsTerminal(const v1::Job& job) {
+  return job.state() == v1::Job::STATE_SUCCEEDED ||
+         job.state() == v1::Job::STATE_FAILED ||
+         job.state() == v1::Job::STATE_CANCELLED;
+}
+
+// OK for a job that succeeded, else why it did not.
+absl::Status Outcome(const v1::Job& job) {
+  if (job.state() == v1::Job::STATE_SUCCEEDED) return absl::OkStatus();
+  if (job.state() == v1::Job::STATE_CANCELLED) {
+    return absl::CancelledError("the job was cancelled on the server");
+  }
+  return absl::Status(
+      static_cast<absl::StatusCode>(job.error().code()),
+      absl::StrCat(job.error().message(), " (", job.error().reason(), ")"));
+}
+
+// A job the server does not know any more is not the user's mistake.
+absl::Status JobLost(const absl::Status& status) {
+  if (status.code() != absl::StatusCode::kNotFound) return status;
+  return absl::InternalError(
+      absl::StrCat("the server has forgotten the job: ", status.message()));
+}
+
+v1::Digest DigestOf(const std::string& bytes) {
+  v1::Digest digest;
+  digest.set_sha256(HexSha256(bytes));
+  digest.set_size_bytes(bytes.size());
+  return digest;
+}
+
+void SetMesh(const EncodedMesh& encoded, VertexIndex vertices, bool is_inline,
+             v1::Mesh* mesh) {
+  if (is_inline) {
+    mesh->set_draco(encoded.bytes);
+  } else {
+    *mesh->mutable_digest() = DigestOf(encoded.bytes);
+  }
+  mesh->set_vertex_order(encoded.vertex_order == VertexOrder::kIdAttribute
+                             ? v1::VERTEX_ORDER_ID_ATTRIBUTE
+                             : v1::VERTEX_ORDER_DECODED);
+  mesh->set_vertex_count(static_cast<std::uint32_t>(vertices));
+}
+
+v1::CreateJobRequest MakeRequest(
+    const MatchRequest& request,
+    const std::pair<EncodedMesh, EncodedMesh>& meshes, bool is_inline) {
+  v1::CreateJobRequest message;
+  SetMesh(meshes.first, request.mesh_x.num_vertices(), is_inline,
+          message.mutable_mesh_x());
+  SetMesh(meshes.second, request.mesh_y.num_vertices(), is_inline,
+          message.mutable_mesh_y());
+  for (const LandmarkPair& landmark : request.landmarks) {
+    v1::Landmark* added = message.add_landmarks();
+    added->set_x(static_cast<std::uint32_t>(landmark.x));
+    added->set_y(static_cast<std::uint32_t>(landmark.y));
+  }
+  message.mutable_options()->set_profile(request.profile);
+  message.mutable_options()->set_random_seed(request.random_seed);
+  message.mutable_options()->set_threads(request.threads);
+  message.set_request_id(RandomUuid());
+  return message;
+}
+
+bool FitsOneRequest(const std::pair<EncodedMesh, EncodedMesh>& meshes,
+                    const MatchRequest& request, std::uint64_t limit) {
+  return meshes.first.bytes.size() + meshes.second.bytes.size() +
+             request.landmarks.size() * kLandmarkBytes +
+             kRequestOverheadBytes <=
+         limit;
+}
+
+// The map that `bytes` hold, little-endian uint32, checked against `info`.
+absl::StatusOr<VertexMap> ParseMap(const std::string& bytes,
+                                   const v1::ResultInfo& info) {
+  if (bytes.size() != std::size_t{info.mesh_x().vertices()} * 4 ||
+      HexSha256(bytes) != info.digest().sha256()) {
+    return absl::DataLossError(absl::StrCat(
+        "the map arrived damaged: ", bytes.size(), " bytes, expected ",
+        std::size_t{info.mesh_x().vertices()} * 4, " with SHA-256 ",
+        info.digest().sha256()));
+  }
+  VertexMap y_from_x(bytes.size() / 4);
+  for (std::size_t i = 0; i < y_from_x.size(); ++i) {
+    std::uint32_t value = 0;
+    for (std::size_t byte = 4; byte-- > 0;) {
+      value = value << 8 | static_cast<unsigned char>(bytes[4 * i + byte]);
+    }
+    // 0xFFFFFFFF is kNoVertex.
+    y_from_x[i] = static_cast<VertexIndex>(value);
+  }
+  return y_from_x;
+}
+
+}  // namespace
+
+std::shared_ptr<grpc::Channel> ConnectTo(const std::string& address) {
+  constexpr int kSecond = 1000;  // milliseconds
+  grpc::ChannelArguments arguments;
+  arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, kSecond / 4);
+  arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, kSecond);
+  arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 5 * kSecond);
+  // Servers allow a ping every 20 s, and a watch sends nothing else.
+  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, 25 * kSecond);
+  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 10 * kSecond);
+  arguments.SetInt(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
+  return grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(),
+                                   arguments);
+}
+
+IsomatchClient::IsomatchClient(const std::shared_ptr<grpc::Channel>& channel)
+    : stub_(v1::CorrespondenceService::NewStub(channel)) {}
+
+absl::StatusOr<v1::GetServerInfoResponse> IsomatchClient::GetServerInfo(
+    const std::stop_token& stop) {
+  const auto deadline = absl::ToChronoTime(absl::Now() + kFirstContact);
+  v1::GetServerInfoResponse response;
+  const absl::Status status = Retry(
+      stop,
+      [&](grpc::ClientContext* context) {
+        context->set_deadline(deadline);
+        return stub_->GetServerInfo(context, {}, &response);
+      },
+      kFirstContact);
+  if (status.ok()) return response;
+  if (status.code() != absl::StatusCode::kUnavailable &&
+      status.code() != absl::StatusCode::kDeadlineExceeded) {
+    return status;
+  }
+  return absl::UnavailableError(
+      absl::StrCat("no answer within ", absl::FormatDuration(kFirstContact),
+                   ", expected a running isomatch-server: ", status.message()));
+}
+
+absl::StatusOr<MatchResult> IsomatchClient::Match(const MatchRequest& request,
+                                                  const JobCallback& on_change,
+                                                  const std::stop_token& stop) {
+  ISOMATCH_ASSIGN_OR_RETURN(const v1::GetServerInfoResponse server,
+                            GetServerInfo(stop));
+  ISOMATCH_ASSIGN_OR_RETURN(EncodedMesh x, EncodeDraco(request.mesh_x));
+  ISOMATCH_ASSIGN_OR_RETURN(EncodedMesh y, EncodeDraco(request.mesh_y));
+  const Encoded meshes(std::move(x), std::move(y));
+  const bool is_inline =
+      FitsOneRequest(meshes, request, server.limits().max_request_bytes());
+  if (!is_inline) {
+    ISOMATCH_RETURN_IF_ERROR(
+        UploadMissing(meshes, server.limits().max_chunk_bytes(), stop));
+  }
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const v1::Job created,
+      CreateJob(MakeRequest(request, meshes, is_inline), stop));
+  ISOMATCH_ASSIGN_OR_RETURN(const v1::Job job,
+                            WatchToEnd(created, on_change, stop));
+  ISOMATCH_RETURN_IF_ERROR(Outcome(job));
+  ISOMATCH_ASSIGN_OR_RETURN(VertexMap y_from_x, Download(job, stop));
+  return MatchResult{std::move(y_from_x), job.result(),
+                     job.memory_estimate_bytes()};
+}
+
+absl::Status IsomatchClient::UploadMissing(const Encoded& meshes,
+                                           std::uint64_t chunk_bytes,
+                                           const std::stop_token& stop) {
+  v1::FindMissingMeshesRequest request;
+  *request.add_digests() = DigestOf(meshes.first.bytes);
+  *request.add_digests() = DigestOf(meshes.second.bytes);
+  v1::FindMissingMeshesResponse response;
+  ISOMATCH_RETURN_IF_ERROR(Retry(stop, [&](grpc::ClientContext* context) {
+    return stub_->FindMissingMeshes(context, request, &response);
+  }));
+  for (const EncodedMesh* mesh : {&meshes.first, &meshes.second}) {
+    const std::string sha256 = HexSha256(mesh->bytes);
+    const bool is_missing = std::any_of(
+        response.missing().begin(), response.missing().end(),
+        [&](const v1::Digest& digest) { return digest.sha256() == sha256; });
+    if (!is_missing) continue;
+    ISOMATCH_RETURN_IF_ERROR(Upload(mesh->bytes, chunk_bytes, stop));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status IsomatchClient::Upload(const std::string& bytes,
+                                    std::uint64_t chunk_bytes,
+                                    const std::stop_token& stop) {
+  const std::size_t step = chunk_bytes == 0 ? kDefaultChunkBytes : chunk_bytes;
+  return Retry(stop, [&](grpc::ClientContext* context) {
+    v1::UploadMeshResponse response;
+    const auto writer = stub_->UploadMesh(context, &response);
+    v1::UploadMeshRequest part;
+    *part.mutable_header() = DigestOf(bytes);
+    // A write fails when the server has answered already: known, or refused.
+    bool goes_on = writer->Write(part);
+    for (std::size_t at = 0; goes_on && at < bytes.size(); at += step) {
+      part.set_chunk(bytes.substr(at, step));
+      goes_on = writer->Write(part);
+    }
+    if (goes_on) writer->WritesDone();
+    return writer->Finish();
+  });
+}
+
+absl::StatusOr<v1::Job> IsomatchClient::CreateJob(
+    const v1::CreateJobRequest& request, const std::stop_token& stop) {
+  v1::CreateJobResponse response;
+  // Not cut short by `stop`: without the name the job could not be cancelled.
+  Backoff backoff(stop);
+  absl::Status status;
+  do {
+    grpc::ClientContext context;
+    status = OfCall(stub_->CreateJob(&context, request, &response), stop);
+  } while (backoff.Again(status));
+  ISOMATCH_RETURN_IF_ERROR(status);
+  return response.job();
+}
+
+absl::StatusOr<v1::Job> IsomatchClient::WatchToEnd(
+    const v1::Job& created, const JobCallback& on_change,
+    const std::stop_token& stop) {
+  v1::WatchJobRequest request;
+  request.set_name(created.name());
+  Backoff backoff(stop);
+  absl::Status status;
+  do {
+    StoppableContext context(stop);
+    const auto reader = stub_->WatchJob(context.get(), request);
+    v1::WatchJobResponse response;
+    while (reader->Read(&response)) {
+      backoff.Reset();
+      request.set_after_sequence(response.job().sequence());
+      if (on_change) on_change(response.job());
+      if (IsTerminal(response.job())) return response.job();
+    }
+    status = OfCall(reader->Finish(), stop);
+    if (status.ok()) {
+      status = absl::UnavailableError("the server ended the watch early");
+    }
+  } while (backoff.Again(status));
+  if (!stop.stop_requested()) return JobLost(status);
+  // What went wrong while cancelling is not what the user wants to know.
+  CancelJob(created.name()).IgnoreError();
+  return Stopped();
+}
+
+absl::Status IsomatchClient::CancelJob(const std::string& name) {
+  grpc::ClientContext context;
+  context.set_deadline(absl::ToChronoTime(absl::Now() + kCancelTimeout));
+  v1::CancelJobRequest request;
+  request.set_name(name);
+  v1::CancelJobResponse response;
+  return FromGrpc(stub_->CancelJob(&context, request, &response));
+}
+
+absl::StatusOr<VertexMap> IsomatchClient::Download(
+    const v1::Job& job, const std::stop_token& stop) {
+  v1::DownloadResultRequest request;
+  request.set_name(job.name());
+  std::string bytes;
+  Backoff backoff(stop);
+  absl::Status status;
+  do {
+    StoppableContext context(stop);
+    request.set_offset(bytes.size());
+    const auto reader = stub_->DownloadResult(context.get(), request);
+    v1::DownloadResultResponse response;
+    while (reader->Read(&response)) {
+      if (response.has_chunk()) backoff.Reset();
+      bytes += response.chunk();
+    }
+    status = OfCall(reader->Finish(), stop);
+  } while (backoff.Again(status));
+  if (!status.ok() && stop.stop_requested()) return Stopped();
+  ISOMATCH_RETURN_IF_ERROR(JobLost(status));
+  return ParseMap(bytes, job.result());
+}
+
+}  // namespace isomatch

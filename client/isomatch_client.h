@@ -1,0 +1,101 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include <grpcpp/channel.h>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "client/map_file.h"
+#include "core/base/vertex_index.h"
+#include "core/io/draco_mesh.h"
+#include "core/mesh/triangle_mesh.h"
+#include "isomatch/v1/service.grpc.pb.h"
+
+namespace isomatch {
+
+/// What to match, and how.
+struct MatchRequest {
+  /// REQUIRES: both pass ValidateMesh.
+  TriangleMesh mesh_x;
+  TriangleMesh mesh_y;
+  /// When given, they take the place of generated seeds.
+  std::vector<LandmarkPair> landmarks;
+  v1::Profile profile = v1::PROFILE_DEFAULT;
+  std::uint64_t random_seed = 1;
+  /// 0 means the server's share.
+  std::uint32_t threads = 0;
+};
+
+/// The map in the vertex numbering of the request, and what the server says
+/// about it.
+struct MatchResult {
+  VertexMap y_from_x;
+  v1::ResultInfo info;
+  std::uint64_t memory_estimate_bytes = 0;
+};
+
+/// Called with every snapshot of the job, from the thread that calls Match.
+using JobCallback = std::function<void(const v1::Job&)>;
+
+/// Returns a channel to HOST:PORT or unix:PATH, without encryption. It notices
+/// within 40 s that a peer is gone which sent no farewell.
+std::shared_ptr<grpc::Channel> ConnectTo(const std::string& address);
+
+/// Talks to an Isomatch server over a channel. Match goes through these steps:
+///
+///   1. both meshes are compressed with Draco, losslessly in single precision;
+///   2. they travel inside CreateJob if both fit one request, else those that
+///      the server lacks are uploaded first and named by their SHA-256;
+///   3. CreateJob carries a fresh request_id, so that sending it again after a
+///      lost connection cannot start a second job;
+///   4. WatchJob is opened again where it was lost, DownloadResult too;
+///   5. the result's size and SHA-256 are verified.
+///
+/// Calls that end with UNAVAILABLE are repeated with growing pauses, about ten
+/// seconds in all; each message received starts the count anew. Only the first
+/// call, which asks for the server's limits, has no more than three. When
+/// `stop` is requested the job is cancelled on the server and the call returns
+/// CANCELLED.
+///
+/// Thread-safe.
+class IsomatchClient {
+ public:
+  explicit IsomatchClient(const std::shared_ptr<grpc::Channel>& channel);
+
+  /// UNAVAILABLE after about three seconds without an answer.
+  absl::StatusOr<v1::GetServerInfoResponse> GetServerInfo(
+      const std::stop_token& stop = {});
+
+  /// INVALID_ARGUMENT: the server refused the input; the message names the
+  /// field. UNAVAILABLE: no server, or it was lost. CANCELLED,
+  /// RESOURCE_EXHAUSTED, FAILED_PRECONDITION, INTERNAL: as the server says.
+  absl::StatusOr<MatchResult> Match(const MatchRequest& request,
+                                    const JobCallback& on_change = {},
+                                    const std::stop_token& stop = {});
+
+ private:
+  using Encoded = std::pair<EncodedMesh, EncodedMesh>;
+
+  absl::Status UploadMissing(const Encoded& meshes, std::uint64_t chunk_bytes,
+                             const std::stop_token& stop);
+  absl::Status Upload(const std::string& bytes, std::uint64_t chunk_bytes,
+                      const std::stop_token& stop);
+  absl::StatusOr<v1::Job> CreateJob(const v1::CreateJobRequest& request,
+                                    const std::stop_token& stop);
+  absl::StatusOr<v1::Job> WatchToEnd(const v1::Job& created,
+                                     const JobCallback& on_change,
+                                     const std::stop_token& stop);
+  absl::Status CancelJob(const std::string& name);
+  absl::StatusOr<VertexMap> Download(const v1::Job& job,
+                                     const std::stop_token& stop);
+
+  std::unique_ptr<v1::CorrespondenceService::Stub> stub_;
+};
+
+}  // namespace isomatch

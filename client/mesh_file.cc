@@ -1,0 +1,268 @@
+#include "client/mesh_file.h"
+
+#include <array>
+#include <charconv>
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <limits>
+#include <utility>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/str_cat.h"
+#include "client/mesh_claims.h"
+#include "client/polygon_soup.h"
+#include "client/text_file.h"
+#include "core/base/status_macros.h"
+
+namespace isomatch {
+namespace {
+
+constexpr char kExpected[] = "a mesh in an .off, .obj, .ply or .stl file";
+
+std::string Extension(const std::string& path) {
+  return absl::AsciiStrToLower(
+      std::filesystem::path(path).extension().string());
+}
+
+// What CGAL expects of each format, for the message when it refuses a file.
+const char* Grammar(const std::string& extension) {
+  if (extension == ".off") {
+    return "OFF, the counts, one vertex `x y z` a line, then one face `3 a b "
+           "c` a line, 0-based and below the number of vertices";
+  }
+  if (extension == ".obj") {
+    return "lines `v x y z` and `f a b c`, 1-based and up to the number of "
+           "vertices";
+  }
+  if (extension == ".ply") {
+    return "element vertex with x, y, z and element face with list "
+           "vertex_indices";
+  }
+  return "triangles as ascii or binary STL has them";
+}
+
+absl::Status WithSubject(const std::string& subject,
+                         const absl::Status& status) {
+  return absl::Status(status.code(),
+                      absl::StrCat(subject, ": ", status.message()));
+}
+
+absl::Status CheckExtension(const std::string& subject,
+                            const std::string& extension) {
+  for (const char* known : {".off", ".obj", ".ply", ".stl"}) {
+    if (extension == known) return absl::OkStatus();
+  }
+  return absl::InvalidArgumentError(absl::StrCat(
+      subject, ": the extension is '", extension, "', expected ", kExpected));
+}
+
+// Compares what the file claims with the bytes it has.
+absl::Status CheckClaims(const std::string& path,
+                         const std::string& extension) {
+  if (extension != ".off" && extension != ".ply") return absl::OkStatus();
+  ISOMATCH_ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, kExpected));
+  return extension == ".off" ? CheckOffClaims(bytes) : CheckPlyClaims(bytes);
+}
+
+absl::Status CheckSoup(const PolygonSoup& soup) {
+  if (soup.points.empty()) {
+    return absl::InvalidArgumentError("no vertices, expected some");
+  }
+  if (soup.polygons.empty()) {
+    return absl::InvalidArgumentError(
+        "vertices but no faces, expected a surface");
+  }
+  if (soup.points.size() > std::numeric_limits<VertexIndex>::max()) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        soup.points.size(), " vertices, expected fewer than 2^31"));
+  }
+  for (std::size_t f = 0; f < soup.polygons.size(); ++f) {
+    const std::vector<std::size_t>& polygon = soup.polygons[f];
+    if (polygon.size() < 3) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("face ", f, " (0-based) has ", polygon.size(),
+                       " corners, expected 3 or more"));
+    }
+    for (const std::size_t v : polygon) {
+      if (v < soup.points.size()) continue;
+      return absl::InvalidArgumentError(absl::StrCat(
+          "face ", f, " (0-based) names vertex ", static_cast<std::int64_t>(v),
+          " (0-based), expected 0 to ", soup.points.size() - 1));
+    }
+  }
+  return absl::OkStatus();
+}
+
+// Coordinates travel in single precision.
+absl::Status CheckSinglePrecision(const Positions& positions) {
+  for (Eigen::Index v = 0; v < positions.rows(); ++v) {
+    const double largest = positions.row(v).cwiseAbs().maxCoeff();
+    if (largest <= std::numeric_limits<float>::max()) continue;
+    return absl::InvalidArgumentError(absl::StrCat(
+        "vertex ", v, " (0-based) has a coordinate of size ", largest,
+        ", expected at most ", std::numeric_limits<float>::max()));
+  }
+  return absl::OkStatus();
+}
+
+Positions ToPositions(const PolygonSoup& soup) {
+  Positions positions(static_cast<Eigen::Index>(soup.points.size()), 3);
+  for (std::size_t v = 0; v < soup.points.size(); ++v) {
+    for (int axis = 0; axis < 3; ++axis) {
+      positions(static_cast<Eigen::Index>(v), axis) =
+          soup.points[v][static_cast<std::size_t>(axis)];
+    }
+  }
+  return positions;
+}
+
+// The corner from which a fan cuts the polygon: the first, or the second when
+// a quadrilateral's other diagonal is shorter.
+std::size_t FanStart(const std::vector<std::size_t>& polygon,
+                     const Positions& positions) {
+  if (polygon.size() != 4) return 0;
+  const auto squared = [&](std::size_t a, std::size_t b) {
+    return (positions.row(static_cast<Eigen::Index>(polygon[a])) -
+            positions.row(static_cast<Eigen::Index>(polygon[b])))
+        .squaredNorm();
+  };
+  return squared(1, 3) < squared(0, 2) ? 1 : 0;
+}
+
+Faces Triangulate(const PolygonSoup& soup, const Positions& positions) {
+  std::size_t count = 0;
+  for (const auto& polygon : soup.polygons) count += polygon.size() - 2;
+  Faces faces(static_cast<Eigen::Index>(count), 3);
+  Eigen::Index next = 0;
+  for (const std::vector<std::size_t>& polygon : soup.polygons) {
+    const std::size_t start = FanStart(polygon, positions);
+    const auto corner = [&](std::size_t i) {
+      return static_cast<VertexIndex>(polygon[(start + i) % polygon.size()]);
+    };
+    for (std::size_t i = 1; i + 1 < polygon.size(); ++i) {
+      faces.row(next++) << corner(0), corner(i), corner(i + 1);
+    }
+  }
+  return faces;
+}
+
+std::vector<std::string> Warnings(const PolygonSoup& soup,
+                                  const std::string& extension) {
+  std::vector<std::string> warnings;
+  if (extension == ".stl") {
+    warnings.push_back(absl::StrCat(
+        "STL has no vertices of its own: corners at one place were joined to ",
+        soup.points.size(), " vertices, numbered in order of first use"));
+  }
+  std::size_t polygons = 0;
+  for (const auto& polygon : soup.polygons) polygons += polygon.size() > 3;
+  if (polygons > 0) {
+    warnings.push_back(absl::StrCat(
+        polygons, " faces with more than 3 corners were cut into triangles"));
+  }
+  return warnings;
+}
+
+// Shortest text that reads back as the same number.
+void AppendNumber(std::string* text, double number) {
+  std::array<char, 32> digits;
+  const std::to_chars_result end =
+      std::to_chars(digits.data(), digits.data() + digits.size(), number);
+  text->append(digits.data(), end.ptr);
+}
+
+std::string FormatOff(const TriangleMesh& mesh) {
+  std::string text =
+      absl::StrCat("OFF\n", mesh.num_vertices(), " ", mesh.num_faces(), " 0\n");
+  for (Eigen::Index v = 0; v < mesh.positions.rows(); ++v) {
+    for (int axis = 0; axis < 3; ++axis) {
+      AppendNumber(&text, mesh.positions(v, axis));
+      text += axis < 2 ? ' ' : '\n';
+    }
+  }
+  for (Eigen::Index f = 0; f < mesh.faces.rows(); ++f) {
+    absl::StrAppend(&text, "3 ", mesh.faces(f, 0), " ", mesh.faces(f, 1), " ",
+                    mesh.faces(f, 2), "\n");
+  }
+  return text;
+}
+
+// The bytes of a value, as binary_little_endian has them on the machines we
+// build for.
+template <typename T>
+void AppendBytes(std::string* bytes, T value) {
+  bytes->append(reinterpret_cast<const char*>(&value), sizeof(value));
+}
+
+std::string FormatPly(const TriangleMesh& mesh) {
+  std::string bytes = absl::StrCat(
+      "ply\nformat binary_little_endian 1.0\nelement vertex ",
+      mesh.num_vertices(),
+      "\nproperty float x\nproperty float y\nproperty float z\nelement face ",
+      mesh.num_faces(),
+      "\nproperty list uchar int vertex_indices\nend_header\n");
+  for (const double coordinate : mesh.positions.reshaped<Eigen::RowMajor>()) {
+    AppendBytes(&bytes, static_cast<float>(coordinate));
+  }
+  for (Eigen::Index f = 0; f < mesh.faces.rows(); ++f) {
+    AppendBytes(&bytes, std::uint8_t{3});
+    for (int i = 0; i < 3; ++i) AppendBytes(&bytes, mesh.faces(f, i));
+  }
+  return bytes;
+}
+
+}  // namespace
+
+absl::StatusOr<LoadedMesh> ReadMesh(const std::string& path,
+                                    const std::string& field) {
+  const std::string subject = absl::StrCat(field, ": '", path, "'");
+  const std::string extension = Extension(path);
+  if (const absl::Status status = CheckInputFile(path, kExpected);
+      !status.ok()) {
+    return WithSubject(field, status);
+  }
+  ISOMATCH_RETURN_IF_ERROR(CheckExtension(subject, extension));
+  if (const absl::Status status = CheckClaims(path, extension); !status.ok()) {
+    return WithSubject(subject, status);
+  }
+  PolygonSoup soup;
+  if (!ReadPolygonSoup(path, &soup)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(subject,
+                     ": not a mesh that can be read to its end, "
+                     "expected finite numbers and ",
+                     Grammar(extension)));
+  }
+  if (const absl::Status status = CheckSoup(soup); !status.ok()) {
+    return WithSubject(subject, status);
+  }
+  LoadedMesh loaded;
+  loaded.mesh.positions = ToPositions(soup);
+  loaded.mesh.faces = Triangulate(soup, loaded.mesh.positions);
+  loaded.warnings = Warnings(soup, extension);
+  ISOMATCH_RETURN_IF_ERROR(ValidateMesh(loaded.mesh, subject));
+  if (const absl::Status status = CheckSinglePrecision(loaded.mesh.positions);
+      !status.ok()) {
+    return WithSubject(subject, status);
+  }
+  return loaded;
+}
+
+absl::Status CheckMeshOutput(const std::string& path) {
+  const std::string extension = Extension(path);
+  if (extension != ".off" && extension != ".ply") {
+    return absl::InvalidArgumentError(
+        absl::StrCat("'", path, "': the extension is '", extension,
+                     "', expected .off or .ply to write a mesh"));
+  }
+  return CheckOutputFile(path);
+}
+
+absl::Status WriteMesh(const std::string& path, const TriangleMesh& mesh) {
+  ISOMATCH_RETURN_IF_ERROR(CheckMeshOutput(path));
+  return WriteFileAtomically(
+      path, Extension(path) == ".ply" ? FormatPly(mesh) : FormatOff(mesh));
+}
+
+}  // namespace isomatch

@@ -1,0 +1,54 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "absl/strings/string_view.h"
+
+namespace isomatch {
+
+/// OK when `path` is a regular file that holds something. `what` says what the
+/// caller wants of it, e.g. "a mesh".
+///
+/// NOT_FOUND: no such file. INVALID_ARGUMENT: a directory, empty, not readable.
+/// Messages begin with the quoted path.
+absl::Status CheckInputFile(const std::string& path, const std::string& what);
+
+/// Returns the bytes of a file. Errors as CheckInputFile.
+absl::StatusOr<std::string> ReadFile(const std::string& path,
+                                     const std::string& what);
+
+/// Writes `bytes` so that `path` holds either its old content or all of them: a
+/// temporary file beside it, flushed to disk, then renamed. Devices such as
+/// /dev/null are written in place.
+///
+/// INVALID_ARGUMENT: the folder does not exist or cannot be written.
+/// UNAVAILABLE: the disk is full or failed.
+absl::Status WriteFileAtomically(const std::string& path,
+                                 absl::string_view bytes);
+
+/// OK when WriteFileAtomically(path) can be expected to succeed; asked before
+/// long work.
+absl::Status CheckOutputFile(const std::string& path);
+
+/// One line of numbers.
+struct NumberLine {
+  /// 1-based, in the file.
+  int line;
+  std::vector<std::int64_t> numbers;
+};
+
+/// Returns the lines of whole numbers separated by blanks or commas; empty
+/// lines and what follows a # are left out. INVALID_ARGUMENT, naming the line,
+/// for anything else. `path` is for messages only.
+absl::StatusOr<std::vector<NumberLine>> ParseNumberLines(
+    const std::string& path, absl::string_view text);
+
+/// An INVALID_ARGUMENT that begins with 'path', line N.
+absl::Status LineError(const std::string& path, int line,
+                       const std::string& what);
+
+}  // namespace isomatch

@@ -1,0 +1,206 @@
+// The client against a real server, over a network that fails.
+
+#include "client/isomatch_client.h"
+
+#include <future>
+#include <memory>
+#include <optional>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "absl/time/clock.h"
+#include "tests/client/tcp_proxy.h"
+#include "tests/server/test_server.h"
+#include "tests/support/matchers.h"
+#include "tests/support/shapes.h"
+
+namespace isomatch {
+namespace {
+
+using testing::HasSubstr;
+
+class IsomatchClientTest : public TestServer {
+ protected:
+  IsomatchClientTest() { Connect(TestConfig()); }
+
+  void Connect(ServerConfig config) {
+    Restart(config);
+    proxy_.emplace(server_->address());
+  }
+
+  // Small requests, so that the meshes of LargePair are uploaded.
+  void ConnectWithSmallRequests() {
+    ServerConfig config = TestConfig();
+    config.max_request_bytes = 2 << 20;
+    Connect(config);
+  }
+
+  static MatchRequest SmallPair() {
+    return {UnitSphere(1), Tetrahedron(), {}, v1::PROFILE_DEFAULT, 1, 0};
+  }
+
+  // About 2.3 MiB of Draco; the map has 750 KiB.
+  static MatchRequest LargePair() {
+    MatchRequest request = SmallPair();
+    request.mesh_x = WithIsolated(UnitSphere(6), 150'000);
+    return request;
+  }
+
+  // Vertices on no face make a mesh large without making it slow to build.
+  static TriangleMesh WithIsolated(TriangleMesh mesh, VertexIndex count) {
+    const VertexIndex before = mesh.num_vertices();
+    mesh.positions.conservativeResize(before + count, Eigen::NoChange);
+    mesh.positions.bottomRows(count).setRandom();
+    return mesh;
+  }
+
+  absl::StatusOr<MatchResult> Match(const MatchRequest& request,
+                                    const std::stop_token& stop = {}) {
+    return IsomatchClient(ConnectTo(proxy_->address()))
+        .Match(request, {}, stop);
+  }
+
+  auto StartMatch(const MatchRequest& request,
+                  const std::stop_token& stop = {}) {
+    return std::async(std::launch::async,
+                      [=, this] { return Match(request, stop); });
+  }
+
+  // The gated engine maps vertex i to i % |Y|.
+  static void ExpectMap(const MatchRequest& request,
+                        const absl::StatusOr<MatchResult>& result) {
+    ASSERT_THAT(result, IsOk());
+    ASSERT_EQ(result->y_from_x.size(),
+              static_cast<std::size_t>(request.mesh_x.num_vertices()));
+    for (std::size_t i = 0; i < result->y_from_x.size(); ++i) {
+      ASSERT_EQ(result->y_from_x[i],
+                static_cast<VertexIndex>(i) % request.mesh_y.num_vertices());
+    }
+  }
+
+  v1::Job::State StateOfOnlyJob() {
+    grpc::ClientContext context;
+    v1::ListJobsResponse response;
+    EXPECT_TRUE(stub_->ListJobs(&context, {}, &response).ok());
+    EXPECT_EQ(response.jobs_size(), 1);
+    return response.jobs(0).state();
+  }
+
+  std::optional<TcpProxy> proxy_;
+};
+
+TEST_F(IsomatchClientTest, LargeMeshesAreUploadedOnce) {
+  ConnectWithSmallRequests();
+  const MatchRequest request = LargePair();
+  ExpectMap(request, Match(request));
+  const std::int64_t sent = proxy_->bytes_passed(TcpProxy::kToServer);
+  EXPECT_GT(sent, 2 << 20);
+  ExpectMap(request, Match(request));
+  EXPECT_LT(proxy_->bytes_passed(TcpProxy::kToServer) - sent, 16 << 10);
+}
+
+TEST_F(IsomatchClientTest, ALostUploadIsSentAgain) {
+  ConnectWithSmallRequests();
+  const MatchRequest request = LargePair();
+  proxy_->CutAfter(TcpProxy::kToServer, 600'000);
+  ExpectMap(request, Match(request));
+  EXPECT_EQ(proxy_->cuts(), 1);
+}
+
+TEST_F(IsomatchClientTest, ALostRequestIsSentAgainButMakesOneJob) {
+  MatchRequest request = SmallPair();
+  request.mesh_x = UnitSphere(5);
+  proxy_->CutAfter(TcpProxy::kToServer, 60'000);
+  ExpectMap(request, Match(request));
+  EXPECT_EQ(proxy_->cuts(), 1);
+  EXPECT_EQ(matches_, 1);
+}
+
+TEST_F(IsomatchClientTest, ALostAnswerMakesNoSecondJob) {
+  const MatchRequest request = SmallPair();
+  // After GetServerInfo's answer, within CreateJob's or at WatchJob's begin.
+  for (const std::int64_t bytes : {250, 350, 450, 600}) {
+    const int before = matches_;
+    proxy_.emplace(server_->address());
+    proxy_->CutAfter(TcpProxy::kToClient, bytes);
+    ExpectMap(request, Match(request));
+    EXPECT_EQ(proxy_->cuts(), 1) << bytes;
+    EXPECT_EQ(matches_, before + 1) << bytes;
+  }
+}
+
+TEST_F(IsomatchClientTest, ALostWatchGoesOn) {
+  gate_open_ = false;
+  const MatchRequest request = SmallPair();
+  auto result = StartMatch(request);
+  WaitForMatches(1);
+  for (int i = 0; i < 3; ++i) {
+    absl::SleepFor(absl::Milliseconds(100));
+    proxy_->Cut();
+  }
+  gate_open_ = true;
+  ExpectMap(request, result.get());
+  EXPECT_EQ(matches_, 1);
+}
+
+TEST_F(IsomatchClientTest, ALostDownloadGoesOnWhereItWas) {
+  ConnectWithSmallRequests();
+  gate_open_ = false;
+  const MatchRequest request = LargePair();
+  auto result = StartMatch(request);
+  WaitForMatches(1);
+  // Within the second chunk of 256 KiB.
+  proxy_->CutAfter(TcpProxy::kToClient, 350 << 10);
+  gate_open_ = true;
+  ExpectMap(request, result.get());
+  EXPECT_EQ(proxy_->cuts(), 1);
+}
+
+TEST_F(IsomatchClientTest, ALostServerIsGivenUp) {
+  gate_open_ = false;
+  auto result = StartMatch(SmallPair());
+  WaitForMatches(1);
+  const absl::Time begin = absl::Now();
+  proxy_->RefuseAll();
+  EXPECT_THAT(result.get(),
+              StatusIs(absl::StatusCode::kUnavailable, testing::_));
+  EXPECT_GT(absl::Now() - begin, absl::Seconds(5));
+  EXPECT_LT(absl::Now() - begin, absl::Seconds(15));
+}
+
+TEST_F(IsomatchClientTest, AServerThatNeverAnswersIsGivenUpSoon) {
+  const absl::Time begin = absl::Now();
+  proxy_->RefuseAll();
+  EXPECT_THAT(Match(SmallPair()),
+              StatusIs(absl::StatusCode::kUnavailable,
+                       HasSubstr("no answer within 3s, expected a running")));
+  EXPECT_LT(absl::Now() - begin, absl::Seconds(5));
+}
+
+TEST_F(IsomatchClientTest, ALatecomerIsWaitedFor) {
+  proxy_->CutAfter(TcpProxy::kToServer, 1);
+  const MatchRequest request = SmallPair();
+  ExpectMap(request, Match(request));
+}
+
+TEST_F(IsomatchClientTest, StoppingCancelsTheJobOnTheServer) {
+  gate_open_ = false;
+  std::stop_source stop;
+  auto result = StartMatch(SmallPair(), stop.get_token());
+  WaitForMatches(1);
+  stop.request_stop();
+  EXPECT_THAT(result.get(),
+              StatusIs(absl::StatusCode::kCancelled, HasSubstr("by the user")));
+  EXPECT_EQ(StateOfOnlyJob(), v1::Job::STATE_CANCELLED);
+}
+
+TEST_F(IsomatchClientTest, ARefusalNamesTheField) {
+  MatchRequest request = SmallPair();
+  request.landmarks = {{0, 0}, {0, 1}};
+  EXPECT_THAT(Match(request), StatusIs(absl::StatusCode::kInvalidArgument,
+                                       HasSubstr("LANDMARKS_CONTRADICT")));
+}
+
+}  // namespace
+}  // namespace isomatch

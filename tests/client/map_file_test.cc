@@ -1,0 +1,90 @@
+#include "client/map_file.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "client/text_file.h"
+#include "tests/client/temporary_folder.h"
+#include "tests/support/matchers.h"
+
+namespace isomatch {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+class MapFileTest : public testing::Test {
+ protected:
+  auto Refused(const std::string& why) {
+    return StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr(why));
+  }
+  absl::StatusOr<GroundTruth> Truth(const std::string& text) {
+    return ReadGroundTruth(folder_.Write("gt", text), 3, 5);
+  }
+  absl::Status Landmarks(const std::string& text) {
+    return ReadLandmarks(folder_.Write("lm", text), 3, 5).status();
+  }
+  TemporaryFolder folder_;
+};
+
+TEST_F(MapFileTest, MapComesBack) {
+  const VertexMap map = {4, kNoVertex, 0};
+  ASSERT_THAT(WriteFileAtomically(folder_.Path("map"), FormatMap(map)), IsOk());
+  EXPECT_EQ(*ReadMap(folder_.Path("map"), 5), map);
+  EXPECT_EQ(folder_.CountFiles(), 1);
+}
+
+TEST_F(MapFileTest, WrongMapsNameTheLine) {
+  EXPECT_THAT(ReadMap(folder_.Write("map", "1\n5\n"), 5),
+              Refused("line 2: y is 5, expected -1 to 4"));
+  EXPECT_THAT(ReadMap(folder_.Write("map", "1\n2 3\n"), 5),
+              Refused("line 2: found 2 numbers"));
+  EXPECT_THAT(ReadMap(folder_.Write("map", "1\n2.5\n"), 5),
+              Refused("line 2: found '2.5', expected a whole number"));
+  EXPECT_THAT(ReadMap(folder_.Write("map", ""), 5), Refused("empty"));
+  EXPECT_THAT(ReadMap(folder_.Path("none"), 5),
+              StatusIs(absl::StatusCode::kNotFound, HasSubstr("no such file")));
+}
+
+TEST_F(MapFileTest, LandmarksMayHaveCommentsAndBlankLines) {
+  const auto landmarks = ReadLandmarks(
+      folder_.Write("lm", "# nose\n\n0 4  # tip\n 2,1\r\n"), 3, 5);
+  ASSERT_THAT(landmarks, IsOk());
+  ASSERT_EQ(landmarks->size(), 2u);
+  EXPECT_EQ((*landmarks)[1].x, 2);
+  EXPECT_EQ((*landmarks)[1].y, 1);
+}
+
+TEST_F(MapFileTest, WrongLandmarksNameTheLine) {
+  EXPECT_THAT(Landmarks("0 1\n3 1\n"), Refused("line 2: x is 3"));
+  EXPECT_THAT(Landmarks("0 5\n"), Refused("line 1: y is 5"));
+  EXPECT_THAT(Landmarks("0\n"), Refused("line 1: found 1 numbers"));
+  EXPECT_THAT(Landmarks("0 1\n0 2\n"), Refused("line 2: vertex 0 of X"));
+  EXPECT_THAT(Landmarks("0 1\n2 1\n"), Refused("line 2: vertex 1 of Y"));
+  EXPECT_THAT(Landmarks("# none\n"), Refused("no line of numbers"));
+}
+
+TEST_F(MapFileTest, TruthHasThreeForms) {
+  EXPECT_THAT(Truth("1\n-1\n4\n")->direct, ElementsAre(1, -1, 4));
+  EXPECT_THAT(Truth("2 3\n0 1\n")->direct, ElementsAre(1, -1, 3));
+  const absl::StatusOr<GroundTruth> mirrored = Truth("0 1 2\n2 3 4\n");
+  ASSERT_THAT(mirrored, IsOk());
+  EXPECT_THAT(mirrored->direct, ElementsAre(1, -1, 3));
+  EXPECT_THAT(mirrored->mirrored, ElementsAre(2, -1, 4));
+}
+
+TEST_F(MapFileTest, WrongTruthSaysWhatWasExpected) {
+  EXPECT_THAT(Truth("1\n2\n"), Refused("expected 3, one for each vertex of X"));
+  EXPECT_THAT(Truth("0 1 2 3\n"), Refused("found 4 numbers"));
+  EXPECT_THAT(Truth("0 1\n1 2 3\n"), Refused("line 2: found 3 numbers"));
+}
+
+TEST_F(MapFileTest, OutputNeedsItsFolder) {
+  EXPECT_THAT(WriteFileAtomically(folder_.Path("no/map"), "1\n"),
+              Refused("there is no folder"));
+  EXPECT_THAT(WriteFileAtomically(folder_.Path(""), "1\n"),
+              Refused("a directory"));
+}
+
+}  // namespace
+}  // namespace isomatch

@@ -1,0 +1,181 @@
+#include "client/mesh_file.h"
+
+#include <sys/resource.h>
+
+#include <cstdint>
+#include <limits>
+#include <string>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/client/temporary_folder.h"
+#include "tests/support/matchers.h"
+#include "tests/support/shapes.h"
+
+namespace isomatch {
+namespace {
+
+using testing::HasSubstr;
+
+// A square with a repeated (4) and an isolated (5) vertex.
+constexpr char kOff[] =
+    "OFF\n# a comment\n6 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n0 0 0\n9 9 9\n"
+    "3 0 1 2\n3 4 2 3\n";
+constexpr char kObj[] =
+    "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 0\nv 9 9 9\nvn 0 0 1\n"
+    "f 1/1/1 2/2/1 3/3/1\nf -2 3 4\n";
+constexpr char kPly[] =
+    "ply\nformat ascii 1.0\nelement vertex 6\nproperty float x\n"
+    "property float y\nproperty float z\nelement face 2\n"
+    "property list uchar int vertex_indices\nend_header\n"
+    "0 0 0\n1 0 0\n1 1 0\n0 1 0\n0 0 0\n9 9 9\n3 0 1 2\n3 4 2 3\n";
+
+std::int64_t PeakResidentBytes() {
+  rusage usage;
+  getrusage(RUSAGE_SELF, &usage);
+  return std::int64_t{usage.ru_maxrss} * 1024;
+}
+
+class MeshFileTest : public testing::Test {
+ protected:
+  absl::StatusOr<LoadedMesh> Read(const std::string& name,
+                                  const std::string& bytes) {
+    return ReadMesh(folder_.Write(name, bytes), "X");
+  }
+  absl::Status Error(const std::string& name, const std::string& bytes) {
+    return Read(name, bytes).status();
+  }
+  auto Refused(const std::string& why) {
+    return StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr(why));
+  }
+  TemporaryFolder folder_;
+};
+
+TEST_F(MeshFileTest, EveryFormatKeepsCountAndOrder) {
+  for (const auto& [name, bytes] :
+       {std::pair("a.off", kOff), std::pair("a.OFF", kOff),
+        std::pair("a.obj", kObj), std::pair("a.ply", kPly)}) {
+    const absl::StatusOr<LoadedMesh> loaded = Read(name, bytes);
+    ASSERT_THAT(loaded, IsOk()) << name;
+    ASSERT_EQ(loaded->mesh.num_vertices(), 6) << name;
+    EXPECT_EQ(loaded->mesh.positions(5, 2), 9) << name;
+    ASSERT_EQ(loaded->mesh.num_faces(), 2) << name;
+    EXPECT_EQ(loaded->mesh.faces(1, 0), 4) << name;
+    EXPECT_TRUE(loaded->warnings.empty()) << name;
+  }
+}
+
+TEST_F(MeshFileTest, StlIsWeldedWithAWarning) {
+  const std::string facet = "facet normal 0 0 1\nouter loop\n";
+  const std::string end = "endloop\nendfacet\n";
+  const absl::StatusOr<LoadedMesh> loaded =
+      Read("a.stl", "solid s\n" + facet +
+                        "vertex 0 0 0\nvertex 1 0 0\nvertex 1 1 0\n" + end +
+                        facet + "vertex 0 0 0\nvertex 1 1 0\nvertex 0 1 0\n" +
+                        end + "endsolid s\n");
+  ASSERT_THAT(loaded, IsOk());
+  EXPECT_EQ(loaded->mesh.num_vertices(), 4);
+  ASSERT_EQ(loaded->warnings.size(), 1u);
+  EXPECT_THAT(loaded->warnings[0], HasSubstr("joined to 4 vertices"));
+}
+
+TEST_F(MeshFileTest, WrittenMeshesComeBack) {
+  const TriangleMesh mesh = Moved(BumpySphere(2), 1e-3);
+  for (const char* name : {"a.off", "a.ply"}) {
+    ASSERT_THAT(WriteMesh(folder_.Path(name), mesh), IsOk());
+    const absl::StatusOr<LoadedMesh> loaded = ReadMesh(folder_.Path(name), "X");
+    ASSERT_THAT(loaded, IsOk());
+    EXPECT_EQ(loaded->mesh.faces, mesh.faces);
+    const double error =
+        (loaded->mesh.positions - mesh.positions).cwiseAbs().maxCoeff();
+    // OFF keeps every digit; PLY holds floats.
+    EXPECT_LE(error, std::string(name) == "a.off" ? 0 : 1e-9);
+  }
+  EXPECT_THAT(WriteMesh(folder_.Path("a.stl"), mesh),
+              Refused("expected .off or .ply"));
+}
+
+TEST_F(MeshFileTest, PolygonsAreCutAlongTheShorterDiagonal) {
+  const absl::StatusOr<LoadedMesh> loaded =
+      Read("a.off", "OFF\n4 1 0\n0 0 0\n2 1 0\n4 0 0\n2 -1 0\n4 0 1 2 3\n");
+  ASSERT_THAT(loaded, IsOk());
+  ASSERT_EQ(loaded->mesh.num_faces(), 2);
+  EXPECT_EQ(loaded->mesh.faces(0, 0), 1);
+  EXPECT_EQ(loaded->mesh.faces(0, 2), 3);
+  ASSERT_EQ(loaded->warnings.size(), 1u);
+}
+
+TEST_F(MeshFileTest, ClaimsBeyondTheFileAreRefused) {
+  EXPECT_THAT(Error("a.ply",
+                    "ply\nformat binary_little_endian 1.0\n"
+                    "element vertex 2000000000\nproperty float x\n"
+                    "property float y\nproperty float z\nend_header\n"),
+              Refused("claims 2000000000 of element vertex"));
+  EXPECT_THAT(Error("a.off", "OFF\n2000000000 1 0\n0 0 0\n"),
+              Refused("claims 2000000000 vertices"));
+  EXPECT_THAT(Error("a.off", "OFF\n3 2000000000 0\n0 0 0\n"),
+              Refused("2000000000 faces"));
+  EXPECT_THAT(Error("a.off", "OFF\n-3 1 0\n"), Refused("number of vertices"));
+}
+
+TEST_F(MeshFileTest, BrokenFilesSayWhatWasExpected) {
+  EXPECT_THAT(ReadMesh(folder_.Path("none.off"), "X"),
+              StatusIs(absl::StatusCode::kNotFound, HasSubstr("X: '")));
+  EXPECT_THAT(ReadMesh(folder_.Path(""), "X"), Refused("a directory"));
+  EXPECT_THAT(Error("a.off", ""), Refused("the file is empty"));
+  EXPECT_THAT(Error("a.txt", "hello"), Refused(".off, .obj, .ply or .stl"));
+  EXPECT_THAT(Error("a.off", "hello"), Refused("the letters OFF"));
+  EXPECT_THAT(Error("a.ply", "hello"), Refused("the letters ply"));
+  EXPECT_THAT(Error("a.obj", "hello"), Refused("lines `v x y z`"));
+  EXPECT_THAT(Error("a.stl", "hello"), Refused("X: '"));
+  EXPECT_THAT(Error("a.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n"),
+              Refused("below the number of vertices"));
+  EXPECT_THAT(Error("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n"),
+              Refused("names vertex 3 (0-based), expected 0 to 2"));
+  EXPECT_THAT(Error("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2\n"),
+              Refused("2 corners, expected 3 or more"));
+  EXPECT_FALSE(
+      Error("a.off", "OFF\n3 1 0\n0 0 0\n1 nan 0\n0 1 0\n3 0 1 2\n").ok());
+}
+
+TEST_F(MeshFileTest, NonFiniteCoordinatesInBinaryAreRefused) {
+  TriangleMesh mesh = UnitSphere(1);
+  mesh.positions(7, 1) = std::numeric_limits<double>::quiet_NaN();
+  ASSERT_THAT(WriteMesh(folder_.Path("a.ply"), mesh), IsOk());
+  EXPECT_THAT(ReadMesh(folder_.Path("a.ply"), "X"), Refused("X: '"));
+}
+
+// Each would take gigabytes if it were believed.
+TEST_F(MeshFileTest, HostileLengthsOfListsAreRefusedWithLittleMemory) {
+  const auto header = [](const std::string& format) {
+    return "ply\nformat " + format +
+           " 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
+           "property float z\nelement face 1\n"
+           "property list uint int vertex_indices\nend_header\n";
+  };
+  const std::string points(36, '\0');
+  const std::int64_t peak = PeakResidentBytes();
+  for (const char* length : {"4294967295", "400000000", "-1"}) {
+    const std::string face = std::string(length) + " 0 1 2\n";
+    EXPECT_THAT(
+        Error("a.ply", header("ascii") + "0 0 0\n1 0 0\n0 1 0\n" + face),
+        Refused("length of a list, in item 0"));
+    EXPECT_THAT(Error("a.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n" + face),
+                Refused("not a mesh that can be read"));
+  }
+  for (const char* format : {"binary_little_endian", "binary_big_endian"}) {
+    EXPECT_THAT(
+        Error("a.ply", header(format) + points + std::string(16, '\x7f')),
+        Refused("length of a list, in item 0"));
+  }
+  EXPECT_LT(PeakResidentBytes() - peak, 64 << 20);
+}
+
+TEST_F(MeshFileTest, CoordinatesBeyondSinglePrecisionAreRefused) {
+  EXPECT_THAT(Error("a.off", "OFF\n3 1 0\n0 0 0\n1e39 0 0\n0 1 0\n3 0 1 2\n"),
+              Refused("vertex 1 (0-based) has a coordinate of size 1e+39"));
+}
+
+}  // namespace
+}  // namespace isomatch
