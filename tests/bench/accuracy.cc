@@ -1,0 +1,101 @@
+#include "tests/bench/accuracy.h"
+
+#include <cstdio>
+#include <utility>
+
+#include <nlohmann/json.hpp>
+
+#include "client/text_file.h"
+#include "core/base/status_macros.h"
+#include "tests/bench/run_pairs.h"
+
+namespace isomatch::bench {
+namespace {
+
+void PrintPair(const PairResult& result) {
+  std::printf("%-24s %-24s %7d %7d %8.4f %8.4f  %-8s %7.2f  %+.2f  %.5f\n",
+              result.name_x.c_str(), result.name_y.c_str(), result.vertices_x,
+              result.vertices_y, result.direct(), result.best(),
+              result.failed()     ? (result.mirrored() ? "MIRRORED" : "FAILED")
+              : result.mirrored() ? "mirrored"
+                                  : "ok",
+              result.seconds, result.orientation_score, result.embedding_error);
+  std::fflush(stdout);
+}
+
+void PrintSummary(const std::vector<PairResult>& results) {
+  const Summary summary = Summarise(results);
+  std::printf("\nmean error / diameter after each stage\n");
+  for (const StageError& stage : StageMeans(results)) {
+    std::printf("  %-18s direct %.4f  best %.4f\n", StageName(stage.stage),
+                stage.direct, stage.best);
+  }
+  std::printf(
+      "\n%zu pairs: direct mean %.4f median %.4f, best mean %.4f median %.4f, "
+      "%d mirrored, %d failed (mean > %.1f), %.2f s a pair\n",
+      results.size(), summary.direct_mean, summary.direct_median,
+      summary.best_mean, summary.best_median, summary.mirrored, summary.failed,
+      kFailed, summary.seconds_mean);
+}
+
+nlohmann::json ToJson(const PairResult& result) {
+  nlohmann::json stages = nlohmann::json::array();
+  for (const StageError& stage : result.stages) {
+    stages.push_back({{"stage", StageName(stage.stage)},
+                      {"direct", stage.direct},
+                      {"best", stage.best}});
+  }
+  return {{"x", result.name_x},
+          {"y", result.name_y},
+          {"vertices_x", result.vertices_x},
+          {"vertices_y", result.vertices_y},
+          {"direct", result.direct()},
+          {"best", result.best()},
+          {"mirrored", result.mirrored()},
+          {"failed", result.failed()},
+          {"seconds", result.seconds},
+          {"embedding_error", result.embedding_error},
+          {"orientation_score", result.orientation_score},
+          {"stages", std::move(stages)}};
+}
+
+nlohmann::json ToJson(const std::vector<PairResult>& results,
+                      const MatchOptions& options) {
+  const Summary summary = Summarise(results);
+  nlohmann::json pairs = nlohmann::json::array();
+  for (const PairResult& result : results) pairs.push_back(ToJson(result));
+  return {{"profile", ProfileName(options.profile)},
+          {"random_seed", options.random_seed},
+          {"unit", "mean geodesic error / diameter of Y"},
+          {"direct_mean", summary.direct_mean},
+          {"direct_median", summary.direct_median},
+          {"best_mean", summary.best_mean},
+          {"best_median", summary.best_median},
+          {"mirrored", summary.mirrored},
+          {"failed", summary.failed},
+          {"seconds_mean", summary.seconds_mean},
+          {"pairs", std::move(pairs)}};
+}
+
+}  // namespace
+
+absl::Status RunAccuracy(const PairSelection& pairs,
+                         const MatchOptions& options,
+                         const std::string& out_path) {
+  std::printf(
+      "profile %s, random seed %llu; errors are fractions of the "
+      "diameter of Y\n",
+      ProfileName(options.profile),
+      static_cast<unsigned long long>(options.random_seed));
+  std::printf("%-24s %-24s %7s %7s %8s %8s  %-8s %7s  %s  %s\n", "X", "Y",
+              "n_X", "n_Y", "direct", "best", "verdict", "seconds", "orient",
+              "Eq. 8");
+  ISOMATCH_ASSIGN_OR_RETURN(const std::vector<PairResult> results,
+                            RunPairs(pairs.dir, pairs.filter,
+                                     pairs.true_landmarks, options, PrintPair));
+  PrintSummary(results);
+  if (out_path.empty()) return absl::OkStatus();
+  return WriteFileAtomically(out_path, ToJson(results, options).dump(2) + "\n");
+}
+
+}  // namespace isomatch::bench

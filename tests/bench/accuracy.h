@@ -1,0 +1,29 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "core/pipeline/match_options.h"
+
+namespace isomatch::bench {
+
+/// Which pairs, and how.
+struct PairSelection {
+  std::string dir;
+  std::string filter;      ///< only pairs whose names contain this
+  int true_landmarks = 0;  ///< given to each pair
+};
+
+/// Matches every pair of a set and prints errors / diameter by pair, by stage
+/// and in total; the same as JSON to `out_path` unless that is empty.
+absl::Status RunAccuracy(const PairSelection& pairs,
+                         const MatchOptions& options,
+                         const std::string& out_path);
+
+/// The paper's Table 1: swapping none, greedy and annealed, without and with
+/// ZoomOut. "Without" is the map just before it.
+absl::Status RunAblation(const PairSelection& pairs,
+                         const MatchOptions& options);
+
+}  // namespace isomatch::bench

@@ -1,0 +1,64 @@
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "core/pipeline/matcher.h"
+#include "tests/bench/pair_set.h"
+
+namespace isomatch::bench {
+
+/// A map with a larger mean direct error / diameter has failed.
+inline constexpr double kFailed = 0.1;
+
+/// Mean errors / diameter of the map after one stage. `best` is the better of
+/// direct and mirrored truth for the whole map.
+struct StageError {
+  Stage stage;
+  double direct = 0;
+  double best = 0;
+};
+
+/// What one pair gave.
+struct PairResult {
+  std::string name_x;
+  std::string name_y;
+  int vertices_x = 0;
+  int vertices_y = 0;
+  std::vector<StageError> stages;  ///< the last is the final map
+  double seconds = 0;
+  double embedding_error = 0;
+  double orientation_score = 0;
+
+  double direct() const { return stages.back().direct; }
+  double best() const { return stages.back().best; }
+  bool mirrored() const { return best() < direct(); }
+  bool failed() const { return direct() > kFailed; }
+};
+
+/// Matches all pairs of a set, or those whose names contain `filter`, each with
+/// `true_landmarks` matches from its truth, and calls `done` after each.
+absl::StatusOr<std::vector<PairResult>> RunPairs(
+    const std::string& dir, const std::string& filter, int true_landmarks,
+    const MatchOptions& options,
+    const std::function<void(const PairResult&)>& done);
+
+/// Means over pairs, and medians.
+struct Summary {
+  double direct_mean = 0;
+  double direct_median = 0;
+  double best_mean = 0;
+  double best_median = 0;
+  int mirrored = 0;
+  int failed = 0;
+  double seconds_mean = 0;
+};
+Summary Summarise(const std::vector<PairResult>& results);
+
+/// Mean direct and best error over all pairs after each stage.
+std::vector<StageError> StageMeans(const std::vector<PairResult>& results);
+
+}  // namespace isomatch::bench
