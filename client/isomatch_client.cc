@@ -17,6 +17,7 @@
 #include "absl/time/time.h"
 #include "client/rpc_status.h"
 #include "core/base/status_macros.h"
+#include "server/storage/sha256.h"
 
 namespace isomatch {
 namespace {
@@ -143,7 +144,7 @@ absl::Status JobLost(const absl::Status& status) {
 
 v1::Digest DigestOf(const std::string& bytes) {
   v1::Digest digest;
-  digest.set_sha256(HexSha256(bytes));
+  digest.set_sha256(Sha256Hex(bytes));
   digest.set_size_bytes(bytes.size());
   return digest;
 }
@@ -161,6 +162,11 @@ void SetMesh(const EncodedMesh& encoded, VertexIndex vertices, bool is_inline,
   mesh->set_vertex_count(static_cast<std::uint32_t>(vertices));
 }
 
+bool Wants(const MatchRequest& request, v1::ResultPart part) {
+  return std::find(request.parts.begin(), request.parts.end(), part) !=
+         request.parts.end();
+}
+
 v1::CreateJobRequest MakeRequest(
     const MatchRequest& request,
     const std::pair<EncodedMesh, EncodedMesh>& meshes, bool is_inline) {
@@ -169,14 +175,17 @@ v1::CreateJobRequest MakeRequest(
           message.mutable_mesh_x());
   SetMesh(meshes.second, request.mesh_y.num_vertices(), is_inline,
           message.mutable_mesh_y());
-  for (const LandmarkPair& landmark : request.landmarks) {
+  for (const VertexMatch& landmark : request.landmarks) {
     v1::Landmark* added = message.add_landmarks();
     added->set_x(static_cast<std::uint32_t>(landmark.x));
     added->set_y(static_cast<std::uint32_t>(landmark.y));
   }
-  message.mutable_options()->set_profile(request.profile);
-  message.mutable_options()->set_random_seed(request.random_seed);
-  message.mutable_options()->set_threads(request.threads);
+  v1::MatchOptions& options = *message.mutable_options();
+  options.set_profile(request.profile);
+  options.set_random_seed(request.random_seed);
+  options.set_threads(request.threads);
+  options.set_landmarks_exact(request.landmarks_exact);
+  options.set_functional_map(Wants(request, v1::RESULT_PART_FUNCTIONAL_MAP));
   message.set_request_id(RandomUuid());
   return message;
 }
@@ -189,26 +198,56 @@ bool FitsOneRequest(const std::pair<EncodedMesh, EncodedMesh>& meshes,
          limit;
 }
 
-// The map that `bytes` hold, little-endian uint32, checked against `info`.
-absl::StatusOr<VertexMap> ParseMap(const std::string& bytes,
-                                   const v1::ResultInfo& info) {
-  if (bytes.size() != std::size_t{info.mesh_x().vertices()} * 4 ||
-      HexSha256(bytes) != info.digest().sha256()) {
-    return absl::DataLossError(absl::StrCat(
-        "the map arrived damaged: ", bytes.size(), " bytes, expected ",
-        std::size_t{info.mesh_x().vertices()} * 4, " with SHA-256 ",
-        info.digest().sha256()));
+// The digest of a part; null when the result has none of that kind.
+const v1::Digest* FindDigest(const v1::ResultInfo& info, v1::ResultPart part) {
+  // Servers before the parts came have the map only.
+  if (part == v1::RESULT_PART_MAP) return &info.digest();
+  for (const v1::ResultPartInfo& candidate : info.parts()) {
+    if (candidate.part() == part) return &candidate.digest();
   }
-  VertexMap y_from_x(bytes.size() / 4);
-  for (std::size_t i = 0; i < y_from_x.size(); ++i) {
-    std::uint32_t value = 0;
-    for (std::size_t byte = 4; byte-- > 0;) {
-      value = value << 8 | static_cast<unsigned char>(bytes[4 * i + byte]);
+  return nullptr;
+}
+
+absl::Status CheckDigest(const std::string& bytes, const v1::Digest& digest) {
+  if (bytes.size() == digest.size_bytes() &&
+      Sha256Hex(bytes) == digest.sha256()) {
+    return absl::OkStatus();
+  }
+  return absl::DataLossError(absl::StrCat(
+      "the result arrived damaged: ", bytes.size(), " bytes, expected ",
+      digest.size_bytes(), " with SHA-256 ", digest.sha256()));
+}
+
+absl::Status SetPart(v1::ResultPart part, const std::string& bytes,
+                     PairSize size, MatchResult& result) {
+  switch (part) {
+    case v1::RESULT_PART_MAP: {
+      ISOMATCH_ASSIGN_OR_RETURN(result.y_from_x, DecodeMap(bytes, size));
+      break;
     }
-    // 0xFFFFFFFF is kNoVertex.
-    y_from_x[i] = static_cast<VertexIndex>(value);
+    case v1::RESULT_PART_PRECISE_MAP: {
+      ISOMATCH_ASSIGN_OR_RETURN(result.precise, DecodePreciseMap(bytes, size));
+      break;
+    }
+    case v1::RESULT_PART_CONFIDENCE: {
+      ISOMATCH_ASSIGN_OR_RETURN(result.confidence,
+                                DecodeConfidence(bytes, size));
+      break;
+    }
+    case v1::RESULT_PART_ALTERNATIVE_MAP: {
+      ISOMATCH_ASSIGN_OR_RETURN(result.alternative, DecodeMap(bytes, size));
+      break;
+    }
+    case v1::RESULT_PART_FUNCTIONAL_MAP: {
+      ISOMATCH_ASSIGN_OR_RETURN(result.functional_map,
+                                DecodeFunctionalMap(bytes));
+      break;
+    }
+    default:
+      return absl::InvalidArgumentError(
+          absl::StrCat("part ", part, ", expected a ResultPart"));
   }
-  return y_from_x;
+  return absl::OkStatus();
 }
 
 }  // namespace
@@ -271,9 +310,7 @@ absl::StatusOr<MatchResult> IsomatchClient::Match(const MatchRequest& request,
   ISOMATCH_ASSIGN_OR_RETURN(const v1::Job job,
                             WatchToEnd(created, on_change, stop));
   ISOMATCH_RETURN_IF_ERROR(Outcome(job));
-  ISOMATCH_ASSIGN_OR_RETURN(VertexMap y_from_x, Download(job, stop));
-  return MatchResult{std::move(y_from_x), job.result(),
-                     job.memory_estimate_bytes()};
+  return Fetch(request, job, stop);
 }
 
 absl::Status IsomatchClient::UploadMissing(const Encoded& meshes,
@@ -287,7 +324,7 @@ absl::Status IsomatchClient::UploadMissing(const Encoded& meshes,
     return stub_->FindMissingMeshes(context, request, &response);
   }));
   for (const EncodedMesh* mesh : {&meshes.first, &meshes.second}) {
-    const std::string sha256 = HexSha256(mesh->bytes);
+    const std::string sha256 = Sha256Hex(mesh->bytes);
     const bool is_missing = std::any_of(
         response.missing().begin(), response.missing().end(),
         [&](const v1::Digest& digest) { return digest.sha256() == sha256; });
@@ -368,10 +405,32 @@ absl::Status IsomatchClient::CancelJob(const std::string& name) {
   return FromGrpc(stub_->CancelJob(&context, request, &response));
 }
 
-absl::StatusOr<VertexMap> IsomatchClient::Download(
-    const v1::Job& job, const std::stop_token& stop) {
+absl::StatusOr<MatchResult> IsomatchClient::Fetch(const MatchRequest& request,
+                                                  const v1::Job& job,
+                                                  const std::stop_token& stop) {
+  MatchResult result;
+  result.info = job.result();
+  result.memory_estimate_bytes = job.memory_estimate_bytes();
+  const PairSize size{request.mesh_x.num_vertices(),
+                      request.mesh_y.num_vertices()};
+  std::vector<v1::ResultPart> parts = {v1::RESULT_PART_MAP};
+  parts.insert(parts.end(), request.parts.begin(), request.parts.end());
+  for (const v1::ResultPart part : parts) {
+    const v1::Digest* const digest = FindDigest(result.info, part);
+    if (digest == nullptr) continue;
+    ISOMATCH_ASSIGN_OR_RETURN(const std::string bytes,
+                              Download(job.name(), part, stop));
+    ISOMATCH_RETURN_IF_ERROR(CheckDigest(bytes, *digest));
+    ISOMATCH_RETURN_IF_ERROR(SetPart(part, bytes, size, result));
+  }
+  return result;
+}
+
+absl::StatusOr<std::string> IsomatchClient::Download(
+    const std::string& name, v1::ResultPart part, const std::stop_token& stop) {
   v1::DownloadResultRequest request;
-  request.set_name(job.name());
+  request.set_name(name);
+  request.set_part(part);
   std::string bytes;
   Backoff backoff(stop);
   absl::Status status;
@@ -388,7 +447,7 @@ absl::StatusOr<VertexMap> IsomatchClient::Download(
   } while (backoff.Again(status));
   if (!status.ok() && stop.stop_requested()) return Stopped();
   ISOMATCH_RETURN_IF_ERROR(JobLost(status));
-  return ParseMap(bytes, job.result());
+  return bytes;
 }
 
 }  // namespace isomatch

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <stop_token>
 #include <string>
 #include <vector>
@@ -11,7 +12,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "client/map_file.h"
+#include "client/result_parts.h"
 #include "core/base/vertex_index.h"
 #include "core/io/draco_mesh.h"
 #include "core/mesh/triangle_mesh.h"
@@ -25,11 +26,16 @@ struct MatchRequest {
   TriangleMesh mesh_x;
   TriangleMesh mesh_y;
   /// When given, they take the place of generated seeds.
-  std::vector<LandmarkPair> landmarks;
+  std::vector<VertexMatch> landmarks;
   v1::Profile profile = v1::PROFILE_DEFAULT;
   std::uint64_t random_seed = 1;
   /// 0 means the server's share.
   std::uint32_t threads = 0;
+  /// Keeps every landmark, whatever contradicts it.
+  bool landmarks_exact = false;
+  /// What to download beside the map. RESULT_PART_FUNCTIONAL_MAP is computed
+  /// only when it is among them.
+  std::vector<v1::ResultPart> parts = {};
 };
 
 /// The map in the vertex numbering of the request, and what the server says
@@ -38,6 +44,15 @@ struct MatchResult {
   VertexMap y_from_x;
   v1::ResultInfo info;
   std::uint64_t memory_estimate_bytes = 0;
+
+  // The parts asked for that the result has.
+
+  /// One entry for each vertex of X, as `y_from_x` has.
+  std::optional<std::vector<PrecisePoint>> precise;
+  std::optional<std::vector<float>> confidence;
+  /// Of info.alternatives(0).
+  std::optional<VertexMap> alternative;
+  std::optional<FunctionalMap> functional_map;
 };
 
 /// Called with every snapshot of the job, from the thread that calls Match.
@@ -55,7 +70,7 @@ std::shared_ptr<grpc::Channel> ConnectTo(const std::string& address);
 ///   3. CreateJob carries a fresh request_id, so that sending it again after a
 ///      lost connection cannot start a second job;
 ///   4. WatchJob is opened again where it was lost, DownloadResult too;
-///   5. the result's size and SHA-256 are verified.
+///   5. the size and SHA-256 of each part of the result are verified.
 ///
 /// Calls that end with UNAVAILABLE are repeated with growing pauses, about ten
 /// seconds in all; each message received starts the count anew. Only the first
@@ -92,8 +107,12 @@ class IsomatchClient {
                                      const JobCallback& on_change,
                                      const std::stop_token& stop);
   absl::Status CancelJob(const std::string& name);
-  absl::StatusOr<VertexMap> Download(const v1::Job& job,
-                                     const std::stop_token& stop);
+  absl::StatusOr<MatchResult> Fetch(const MatchRequest& request,
+                                    const v1::Job& job,
+                                    const std::stop_token& stop);
+  absl::StatusOr<std::string> Download(const std::string& name,
+                                       v1::ResultPart part,
+                                       const std::stop_token& stop);
 
   std::unique_ptr<v1::CorrespondenceService::Stub> stub_;
 };

@@ -120,11 +120,11 @@ absl::StatusOr<VertexMap> ReadMap(const std::string& path,
   return y_from_x;
 }
 
-absl::StatusOr<std::vector<LandmarkPair>> ReadLandmarks(
+absl::StatusOr<std::vector<VertexMatch>> ReadLandmarks(
     const std::string& path, std::int64_t vertices_x, std::int64_t vertices_y) {
   ISOMATCH_ASSIGN_OR_RETURN(const std::vector<NumberLine> lines,
                             ReadNumberLines(path, "landmarks: lines `x y`"));
-  std::vector<LandmarkPair> landmarks;
+  std::vector<VertexMatch> landmarks;
   std::unordered_map<VertexIndex, VertexIndex> y_of_x;
   std::unordered_map<VertexIndex, VertexIndex> x_of_y;
   for (const NumberLine& line : lines) {

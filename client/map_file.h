@@ -20,17 +20,12 @@ std::string FormatMap(absl::Span<const VertexIndex> y_from_x);
 absl::StatusOr<VertexMap> ReadMap(const std::string& path,
                                   std::int64_t vertices_y);
 
-/// A line of a landmark file: vertex `x` of X corresponds to vertex `y` of Y.
-struct LandmarkPair {
-  VertexIndex x;
-  VertexIndex y;
-};
-
 /// Returns the pairs of a landmark file: lines `x y`, 0-based; # starts a
 /// comment. INVALID_ARGUMENT, naming file and line, for anything else, an index
 /// out of range, or a vertex that is given two partners; NOT_FOUND.
-absl::StatusOr<std::vector<LandmarkPair>> ReadLandmarks(
-    const std::string& path, std::int64_t vertices_x, std::int64_t vertices_y);
+absl::StatusOr<std::vector<VertexMatch>> ReadLandmarks(const std::string& path,
+                                                       std::int64_t vertices_x,
+                                                       std::int64_t vertices_y);
 
 /// The truth about a pair. `mirrored` is empty, or as long as `direct`: where
 /// the truth lies after a left-right reflection.

@@ -9,12 +9,13 @@
 #include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "client/commands.h"
 #include "client/isomatch_client.h"
-#include "client/match_report.h"
+#include "client/map_file.h"
+#include "client/match_outputs.h"
 #include "client/mesh_file.h"
 #include "client/progress_display.h"
-#include "client/text_file.h"
 #include "core/base/status_macros.h"
 #include "server/server.h"
 #include "server/server_config.h"
@@ -33,20 +34,34 @@ Examples:
   isomatch match X.off Y.ply -o map.txt --report report.json
   isomatch match X.off Y.ply --landmarks pairs.txt --no-progress > map.txt
   isomatch match X.off Y.ply -o map.txt --server 127.0.0.1:7443
+  isomatch match X.off Y.ply -o map.txt --precise points.txt
 
 A landmark file has lines `x y` of 0-based vertices known to match; # starts a
-comment.)";
+comment. One that the rest of the map contradicts is changed, and a warning says
+so; --landmarks-exact keeps all as they are.
+
+Further files, one line for each vertex of X:
+  --precise      FACE W0 W1 W2: a 0-based face of Y and the weights of its three
+                 vertices in the file's order, sum 1; -1 0 0 0 for no place
+  --confidence   0 (do not trust its line of MAP) to 1
+  --alternative  as MAP: the best of the maps that were not chosen; no file, but
+                 a warning, when no other came near
+--functional-map has the eigenvalues of both meshes and, by rows, the matrix
+that carries eigenfunctions of Y (columns) to X (rows).)";
+
+// Below it a second map is nearly as good as the chosen one.
+constexpr double kLowSymmetryConfidence = 0.2;
 
 struct Arguments {
   std::string x;
   std::string y;
-  std::string output = "-";
   std::string server;
   std::string landmarks;
   std::string profile = "default";
   std::uint64_t random_seed = 1;
   std::uint32_t threads = 0;
-  std::string report;
+  bool landmarks_exact = false;
+  MatchOutputs outputs;
   bool no_progress = false;
 };
 
@@ -61,18 +76,6 @@ std::string CheckAddress(const std::string& address) {
     return "";
   }
   return absl::StrCat("'", address, "', expected HOST:PORT");
-}
-
-absl::Status CheckOutputs(const Arguments& arguments) {
-  if (arguments.output != "-") {
-    ISOMATCH_RETURN_IF_ERROR(CheckOutputFile(arguments.output));
-  }
-  if (!arguments.report.empty() && arguments.report == arguments.output) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        "--report '", arguments.report, "': is the MAP too, expected another"));
-  }
-  return arguments.report.empty() ? absl::OkStatus()
-                                  : CheckOutputFile(arguments.report);
 }
 
 // Reads a mesh and appends what is to be said about it to `warnings`.
@@ -101,6 +104,8 @@ absl::StatusOr<MatchRequest> MakeRequest(const Arguments& arguments,
       arguments.profile == "paper" ? v1::PROFILE_PAPER : v1::PROFILE_DEFAULT;
   request.random_seed = arguments.random_seed;
   request.threads = arguments.threads;
+  request.landmarks_exact = arguments.landmarks_exact;
+  request.parts = PartsFor(arguments.outputs);
   return request;
 }
 
@@ -143,24 +148,28 @@ absl::StatusOr<MatchResult> RunEmbedded(const MatchRequest& request,
   return RunMatch(server->InProcessChannel(), request, arguments, terminal);
 }
 
+// What the user should know about a result.
+std::vector<std::string> WarningsOf(const v1::ResultInfo& info) {
+  std::vector<std::string> warnings(info.warnings().begin(),
+                                    info.warnings().end());
+  if (info.alternatives_size() > 0 &&
+      info.symmetry_confidence() < kLowSymmetryConfidence) {
+    warnings.push_back(absl::StrFormat(
+        "the map may be a symmetric image: another one is nearly as good "
+        "(symmetry confidence %.2f of 1), see --alternative",
+        info.symmetry_confidence()));
+  }
+  return warnings;
+}
+
 void Warn(const std::vector<std::string>& warnings, const Terminal& terminal) {
   for (const std::string& warning : warnings) {
     terminal.err << "isomatch: warning: " << warning << std::endl;
   }
 }
 
-absl::Status WriteMap(const std::string& path, const VertexMap& y_from_x,
-                      const Terminal& terminal) {
-  const std::string text = FormatMap(y_from_x);
-  if (path != "-") return WriteFileAtomically(path, text);
-  terminal.out << text << std::flush;
-  return terminal.out ? absl::OkStatus()
-                      : absl::UnavailableError(
-                            "the map cannot be written to standard output");
-}
-
 absl::Status Run(const Arguments& arguments, const Terminal& terminal) {
-  ISOMATCH_RETURN_IF_ERROR(CheckOutputs(arguments));
+  ISOMATCH_RETURN_IF_ERROR(CheckOutputs(arguments.outputs));
   std::vector<std::string> warnings;
   ISOMATCH_ASSIGN_OR_RETURN(const MatchRequest request,
                             MakeRequest(arguments, &warnings));
@@ -169,13 +178,36 @@ absl::Status Run(const Arguments& arguments, const Terminal& terminal) {
                             arguments.server.empty()
                                 ? RunEmbedded(request, arguments, terminal)
                                 : RunRemote(request, arguments, terminal));
-  Warn({result.info.warnings().begin(), result.info.warnings().end()},
-       terminal);
-  if (!arguments.report.empty()) {
-    ISOMATCH_RETURN_IF_ERROR(WriteFileAtomically(
-        arguments.report, FormatReport(request, result, warnings)));
-  }
-  return WriteMap(arguments.output, result.y_from_x, terminal);
+  Warn(WarningsOf(result.info), terminal);
+  return WriteOutputs(arguments.outputs, request, result, warnings, terminal);
+}
+
+void AddInputs(CLI::App* command, Arguments* arguments) {
+  command->add_option("X", arguments->x, "Mesh: .off, .obj, .ply or .stl")
+      ->required();
+  command->add_option("Y", arguments->y, "Mesh: .off, .obj, .ply or .stl")
+      ->required();
+  command->add_option("--landmarks", arguments->landmarks,
+                      "File of known matches, lines `x y`");
+  command->add_flag("--landmarks-exact", arguments->landmarks_exact,
+                    "Keep every landmark, even one that the rest contradicts");
+}
+
+void AddOutputs(CLI::App* command, MatchOutputs* outputs) {
+  command
+      ->add_option("-o,--output", outputs->map,
+                   "MAP to write; - is standard output")
+      ->capture_default_str();
+  command->add_option("--precise", outputs->precise,
+                      "File of places between the vertices of Y");
+  command->add_option("--confidence", outputs->confidence,
+                      "File of how far to trust each line of MAP, 0 to 1");
+  command->add_option("--alternative", outputs->alternative,
+                      "MAP of the runner-up, as a rule a symmetric image");
+  command->add_option("--functional-map", outputs->functional_map,
+                      "JSON file of the map between eigenfunctions");
+  command->add_option("--report", outputs->report,
+                      "JSON file about the run: times, memory, quality");
 }
 
 }  // namespace
@@ -184,20 +216,12 @@ Command AddMatchCommand(CLI::App& app) {
   CLI::App* command = app.add_subcommand(
       "match", "Finds for every vertex of mesh X its place on mesh Y.");
   const auto arguments = std::make_shared<Arguments>();
-  command->add_option("X", arguments->x, "Mesh: .off, .obj, .ply or .stl")
-      ->required();
-  command->add_option("Y", arguments->y, "Mesh: .off, .obj, .ply or .stl")
-      ->required();
-  command
-      ->add_option("-o,--output", arguments->output,
-                   "MAP to write; - is standard output")
-      ->capture_default_str();
+  AddInputs(command, arguments.get());
+  AddOutputs(command, &arguments->outputs);
   command
       ->add_option("--server", arguments->server,
                    "HOST:PORT of a running isomatch-server")
       ->check(CLI::Validator(CheckAddress, "HOST:PORT"));
-  command->add_option("--landmarks", arguments->landmarks,
-                      "File of known matches, lines `x y`");
   command
       ->add_option("--profile", arguments->profile,
                    "default: what measured best; paper: as published")
@@ -212,8 +236,6 @@ Command AddMatchCommand(CLI::App& app) {
                    "0: all cores, or the server's share")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();
-  command->add_option("--report", arguments->report,
-                      "JSON file about the run: times, memory, quality");
   command->add_flag("--no-progress", arguments->no_progress,
                     "Say nothing on standard error but warnings and errors");
   command->footer(kFooter);

@@ -36,6 +36,45 @@ Json AllWarnings(const v1::ResultInfo& info,
   return all;
 }
 
+Json ScoresJson(const v1::MapScores& scores) {
+  return {{"embedding_error", scores.embedding_error()},
+          {"orientation_score", scores.orientation_score()},
+          {"curvature_mismatch", scores.curvature_mismatch()},
+          {"normal_mismatch", scores.normal_mismatch()},
+          {"stretch", scores.stretch()},
+          {"landmark_contradiction", scores.landmark_contradiction()},
+          {"rank_value", scores.rank_value()}};
+}
+
+Json QualityJson(const v1::MapQuality& quality) {
+  return {{"geodesic_distortion", quality.geodesic_distortion()},
+          {"coverage", quality.coverage()},
+          {"area_distortion", quality.area_distortion()},
+          {"mean_confidence", quality.mean_confidence()}};
+}
+
+Json AlternativesJson(const v1::ResultInfo& info) {
+  Json alternatives = Json::array();
+  for (const v1::Alternative& alternative : info.alternatives()) {
+    alternatives.push_back({{"scores", ScoresJson(alternative.scores())}});
+  }
+  return alternatives;
+}
+
+Json LandmarksJson(const v1::ResultInfo& info) {
+  Json landmarks = Json::array();
+  for (const v1::LandmarkOutcome& outcome : info.landmarks()) {
+    landmarks.push_back(
+        {{"x", outcome.landmark().x()},
+         {"y", outcome.landmark().y()},
+         {"kept", outcome.kept()},
+         // 0xFFFFFFFF is kNoVertex.
+         {"y_found", static_cast<VertexIndex>(outcome.y_found())},
+         {"distance", outcome.distance()}});
+  }
+  return landmarks;
+}
+
 }  // namespace
 
 std::string FormatReport(const MatchRequest& request, const MatchResult& result,
@@ -44,7 +83,7 @@ std::string FormatReport(const MatchRequest& request, const MatchResult& result,
   const bool is_paper = info.profile() == v1::PROFILE_PAPER;
   const Json report = {{"mesh_x", MeshJson(request.mesh_x, info.mesh_x())},
                        {"mesh_y", MeshJson(request.mesh_y, info.mesh_y())},
-                       {"landmarks", request.landmarks.size()},
+                       {"landmarks", LandmarksJson(info)},
                        {"profile", is_paper ? "paper" : "default"},
                        {"random_seed", info.random_seed()},
                        {"seconds", StageSeconds(info)},
@@ -55,6 +94,10 @@ std::string FormatReport(const MatchRequest& request, const MatchResult& result,
                        {"embedding_error", info.embedding_error()},
                        {"objective", info.objective()},
                        {"orientation_score", info.orientation_score()},
+                       {"scores", ScoresJson(info.scores())},
+                       {"quality", QualityJson(info.quality())},
+                       {"symmetry_confidence", info.symmetry_confidence()},
+                       {"alternatives", AlternativesJson(info)},
                        {"warnings", AllWarnings(info, warnings)}};
   constexpr int kIndent = 2;
   // File names in warnings need not be UTF-8.

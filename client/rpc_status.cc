@@ -1,7 +1,5 @@
 #include "client/rpc_status.h"
 
-#include <openssl/sha.h>
-
 #include <array>
 #include <random>
 
@@ -50,13 +48,6 @@ absl::Status FromGrpc(const grpc::Status& status) {
   }
   return absl::Status(static_cast<absl::StatusCode>(status.error_code()),
                       message);
-}
-
-std::string HexSha256(absl::string_view bytes) {
-  std::array<unsigned char, SHA256_DIGEST_LENGTH> digest;
-  SHA256(reinterpret_cast<const unsigned char*>(bytes.data()), bytes.size(),
-         digest.data());
-  return ToHex(digest.data(), digest.size());
 }
 
 std::string RandomUuid() {

@@ -13,7 +13,7 @@ BASE = {"core/base"}
 MESH = BASE | {"core/mesh"}
 GEODESIC = MESH | {"core/geodesic"}
 CORE = GEODESIC | {"core/io", "core/matching", "core/spectral",
-                   "core/evaluation", "core/pipeline"}
+                   "core/alignment", "core/evaluation", "core/pipeline"}
 
 # Layer -> the layers it may include besides itself.
 ALLOWED = {
@@ -23,6 +23,7 @@ ALLOWED = {
     "core/geodesic": MESH,
     "core/matching": GEODESIC,
     "core/spectral": MESH,
+    "core/alignment": MESH | {"core/spectral"},
     "core/evaluation": GEODESIC,
     "core/pipeline": CORE,
     "server/metrics": BASE,
@@ -33,7 +34,7 @@ ALLOWED = {
                           "server/metrics", "proto"},
     "server": CORE | {"server/rpc", "server/convert", "server/jobs",
                       "server/storage", "server/metrics", "proto"},
-    "client": CORE | {"server", "proto"},
+    "client": CORE | {"server", "server/storage", "proto"},
 }
 
 # Pattern of an outside header -> the only layers that may include it.

@@ -23,6 +23,7 @@ constexpr int kDiameterPoints = 32;
 struct Query {
   VertexIndex source;  ///< the true vertex
   std::vector<VertexIndex> targets;
+  std::vector<std::size_t> entries;  ///< vertices of X
   std::vector<float> distances;
 };
 
@@ -103,6 +104,7 @@ absl::StatusOr<std::vector<Query>> Queries(const CleanMesh& clean,
     Query& query = by_truth[source];
     query.source = source;
     query.targets.push_back(target);
+    query.entries.push_back(x);
   }
   if (by_truth.empty()) {
     return absl::InvalidArgumentError(
@@ -139,9 +141,11 @@ absl::StatusOr<GeodesicError> GeodesicErrorMeter::Measure(
   }));
   double sum = 0;
   int compared = 0;
+  error.of_vertex.assign(truth.size(), -1);
   for (const Query& query : queries) {
-    for (const float distance : query.distances) {
-      const double fraction = std::min(1.0, distance / diameter_);
+    for (std::size_t t = 0; t < query.targets.size(); ++t) {
+      const double fraction = std::min(1.0, query.distances[t] / diameter_);
+      error.of_vertex[query.entries[t]] = static_cast<float>(fraction);
       sum += fraction;
       ++compared;
       error.max_over_diameter = std::max(error.max_over_diameter, fraction);

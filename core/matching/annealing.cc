@@ -64,6 +64,7 @@ SwapCounts SwapPhase(const SwapOptions& options, double temperature,
   for (; counts.proposed < options.proposals; ++counts.proposed) {
     const int i = random->Below(matching->size());
     const int j = partners.Draw(i, random);
+    if (std::min(i, j) < matching->pinned()) continue;
     const double change = matching->SwapChange(i, j);
     const bool accept =
         change < -kRounding ||
@@ -78,7 +79,7 @@ SwapCounts SwapPhase(const SwapOptions& options, double temperature,
 int RelocationSweep(int neighbors, Matching* matching) {
   int moves = 0;
   const int pool_size = matching->pool(kY).size();
-  for (int i = 0; i < matching->size(); ++i) {
+  for (int i = matching->pinned(); i < matching->size(); ++i) {
     const std::vector<int> targets =
         Closest(matching->Row(kY, i), pool_size, neighbors,
                 [&](int y) { return !matching->is_matched(kY, y); });

@@ -23,13 +23,14 @@ struct SwapCounts {
 /// transpositions of the images of two matches and accepts each that lowers
 /// the energy, and one that raises it by dE with probability exp(-dE /
 /// temperature) (Eq. 3 with k = 1). At temperature 0 the energy never rises.
+/// Proposals that touch a pinned match are refused.
 SwapCounts SwapPhase(const SwapOptions& options, double temperature,
                      RandomStream* random, Matching* matching);
 
-/// One sweep over all matches: each moves its image to the best of the
-/// `neighbors` nearest unmatched points of Y if that lowers the energy. Returns
-/// the number of moves. Not in the paper: swaps alone cannot move a match to
-/// where no match is.
+/// One sweep over all matches that are not pinned: each moves its image to the
+/// best of the `neighbors` nearest unmatched points of Y if that lowers the
+/// energy. Returns the number of moves. Not in the paper: swaps alone cannot
+/// move a match to where no match is.
 int RelocationSweep(int neighbors, Matching* matching);
 
 }  // namespace isomatch

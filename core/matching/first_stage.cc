@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
+#include <limits>
 #include <tuple>
 #include <utility>
 
@@ -15,17 +16,52 @@
 namespace isomatch {
 namespace {
 
+/// Points of X's pool by whose images maps are told apart.
+constexpr int kProbes = 50;
+/// Two maps send a probe to different places when those are further apart, in
+/// sqrt(area), and are distinct when they do so with more than this fraction of
+/// the probes. Noise of a map is well below the one, half a limb above the
+/// other.
+constexpr float kOtherPlace = 0.25f;
+constexpr double kDistinctFraction = 0.1;
+/// The same for unfinished maps, which are noisier.
+constexpr double kGroupFraction = 0.3;
+/// Maps of fewer matches are not grouped.
+constexpr int kDiverseFrom = 40;
+/// No group fills more than one part in this many of a round.
+constexpr std::size_t kSharesOfAGroup = 4;
+
+/// Times mirrored regions are grown anew, and the orientation score from which
+/// there are none worth it.
+constexpr int kRegrowths = 3;
+constexpr double kWellOriented = 0.9;
+/// Landmarks by which maps are judged; more tell no more.
+constexpr std::size_t kMaxLandmarkProbes = 50;
+/// Of the logarithm of LandmarkPenalty. A map that contradicts all landmarks
+/// must be three times better otherwise: symmetric images differ by less, maps
+/// bent to a wrong landmark by more.
+constexpr double kPenaltyRate = 1.1;
+
+/// Difference of fractions of landmarks that counts.
+constexpr double kClearly = 0.25;
+/// Added where a penalty multiplies, so that it counts for perfect maps too.
+constexpr double kPerfectBadness = 1e-3;
+
 /// A competing partial map between rounds: only what is needed to go on.
 struct Contender {
   std::size_t seed;  ///< index, for ties and for the random stream
   std::vector<PointMatch> matches;
-  bool mirrored = false;
-  double badness = 0;  ///< smaller is better
+  std::vector<int> images;  ///< of the probes, once it is complete
+  /// Mirrored; or not mirrored, where the landmarks want it so.
+  bool wrong_side = false;
+  double contradiction = 0;
+  double own_badness = 0;  ///< without landmarks
+  double badness = 0;      ///< smaller is better
 };
 
 bool Better(const Contender& a, const Contender& b) {
-  return std::tie(a.mirrored, a.badness, a.seed) <
-         std::tie(b.mirrored, b.badness, b.seed);
+  return std::tie(a.wrong_side, a.badness, a.seed) <
+         std::tie(b.wrong_side, b.badness, b.seed);
 }
 
 double PhaseTemperature(const FirstStageOptions& options) {
@@ -43,10 +79,12 @@ void Improve(const FirstStageOptions& options, double temperature,
 }
 
 Matching Restore(const FirstStageInput& input,
-                 const std::vector<PointMatch>& matches, int capacity) {
+                 const std::vector<PointMatch>& matches, int capacity,
+                 int pinned) {
   Matching matching(input.pool_x, input.pool_y,
                     std::max<int>(capacity, matches.size()));
   for (const PointMatch& match : matches) matching.Add(match);
+  matching.Pin(pinned);
   return matching;
 }
 
@@ -61,15 +99,188 @@ double Badness(const FirstStageInput& input, const FirstStageOptions& options,
                   options.curvature_weight);
 }
 
+/// Where a map sends a point of X, matched or not: the point of Y with the
+/// least Eq. 8.
+int ImageOf(const Matching& matching, int x, std::vector<float>* errors) {
+  matching.EmbeddingErrors(kX, x, errors);
+  return static_cast<int>(std::min_element(errors->begin(), errors->end()) -
+                          errors->begin());
+}
+
+float DistanceBetween(const PointPool& pool, int a, int b) {
+  return pool.closeness().basis().LowerBound(pool.vertex(a), pool.vertex(b));
+}
+
+/// Fraction of the landmarks that the map sends to another place.
+double Contradiction(const FirstStageOptions& options,
+                     const Matching& matching) {
+  if (options.landmarks.empty()) return 0;
+  const std::size_t count =
+      std::min(kMaxLandmarkProbes, options.landmarks.size());
+  int contradicted = 0;
+  std::vector<float> errors;
+  for (std::size_t i = 0; i < count; ++i) {
+    const PointMatch& landmark =
+        options.landmarks[i * options.landmarks.size() / count];
+    const int found = ImageOf(matching, landmark.x, &errors);
+    contradicted +=
+        DistanceBetween(matching.pool(kY), found, landmark.y) > kOtherPlace;
+  }
+  return double(contradicted) / static_cast<double>(count);
+}
+
 void Judge(const FirstStageInput& input, const FirstStageOptions& options,
            const Matching& matching, Contender* contender) {
   contender->matches = matching.Matches();
   const bool complete = matching.size() >= options.matches;
   contender->badness = Badness(input, options, complete, matching);
-  contender->mirrored =
+  contender->wrong_side =
       options.orientation_from > 0 &&
       matching.size() >= options.orientation_from &&
       OrientationScore(matching, input.frames_x, input.frames_y) < 0;
+  if (options.landmarks.empty()) return;
+  contender->contradiction = Contradiction(options, matching);
+  contender->own_badness = contender->badness;
+  const double penalty = LandmarkPenalty(contender->contradiction);
+  contender->badness = contender->badness < 0
+                           ? contender->badness / penalty
+                           : (contender->badness + kPerfectBadness) * penalty;
+}
+
+/// Whether the landmarks speak for the mirror image: the mirrored map that is
+/// best without them contradicts clearly fewer of them than the unmirrored one.
+/// `before` where there are not both.
+bool LandmarksWantMirror(const std::vector<Contender>& contenders,
+                         bool before) {
+  const Contender* best[2] = {nullptr, nullptr};
+  for (const Contender& contender : contenders) {
+    const Contender*& other = best[contender.wrong_side];
+    if (other == nullptr || contender.own_badness < other->own_badness) {
+      other = &contender;
+    }
+  }
+  if (best[0] == nullptr || best[1] == nullptr) return before;
+  return best[1]->contradiction + kClearly < best[0]->contradiction;
+}
+
+std::vector<int> ImagesOfProbes(const Matching& matching) {
+  std::vector<int> images;
+  std::vector<float> errors;
+  const int probes = std::min(kProbes, matching.pool(kX).size());
+  for (int x = 0; x < probes; ++x) {
+    images.push_back(ImageOf(matching, x, &errors));
+  }
+  return images;
+}
+
+bool Distinct(const PointPool& pool_y, const Contender& a, const Contender& b,
+              double fraction) {
+  int moved = 0;
+  const std::size_t probes = std::min(a.images.size(), b.images.size());
+  for (std::size_t i = 0; i < probes; ++i) {
+    moved += DistanceBetween(pool_y, a.images[i], b.images[i]) > kOtherPlace;
+  }
+  return moved > fraction * static_cast<double>(probes);
+}
+
+/// Keeps the best `keep` of the ranked contenders, but of those that send the
+/// shape to about the same place only a share, so that a symmetric image that
+/// happens to fit better at this size does not crowd out all else.
+void KeepDiverse(const FirstStageInput& input, std::size_t keep,
+                 std::vector<Contender>* ranked) {
+  struct Group {
+    const Contender* best;
+    std::size_t members;
+  };
+  const std::size_t share = (keep + kSharesOfAGroup - 1) / kSharesOfAGroup;
+  std::vector<Group> groups;
+  std::vector<Contender> kept;
+  for (const Contender& contender : *ranked) {
+    if (kept.size() == keep) break;
+    const auto group =
+        std::find_if(groups.begin(), groups.end(), [&](const Group& other) {
+          return !Distinct(input.pool_y, *other.best, contender,
+                           kGroupFraction);
+        });
+    if (group == groups.end()) {
+      groups.push_back({&contender, 1});
+    } else if (++group->members > share) {
+      continue;
+    }
+    kept.push_back(contender);
+  }
+  *ranked = std::move(kept);
+}
+
+/// The best of the ranked contenders and the best distinct ones after it.
+std::vector<RankedMap> BestDistinct(const FirstStageInput& input,
+                                    const FirstStageOptions& options,
+                                    const std::vector<Contender>& ranked) {
+  std::vector<const Contender*> kept;
+  std::vector<RankedMap> results;
+  for (const Contender& contender : ranked) {
+    if (static_cast<int>(kept.size()) == options.max_results) break;
+    const bool distinct =
+        std::all_of(kept.begin(), kept.end(), [&](const Contender* better) {
+          return Distinct(input.pool_y, *better, contender, kDistinctFraction);
+        });
+    if (!distinct) continue;
+    kept.push_back(&contender);
+    results.push_back({Restore(input, contender.matches, 0, options.pinned),
+                       contender.contradiction, contender.badness,
+                       contender.wrong_side});
+  }
+  return results;
+}
+
+/// A map without its mirrored regions, grown anew: from the rim inwards, so
+/// that near matches hand orientation on, where the farthest point first would
+/// choose a side anew. Such a block move is what swaps of single matches never
+/// find.
+Matching Regrown(const FirstStageInput& input, const FirstStageOptions& options,
+                 const Matching& matching, RandomStream* random) {
+  const std::vector<double> orientations =
+      LocalOrientations(matching, input.frames_x, input.frames_y);
+  std::vector<PointMatch> kept;
+  std::vector<int> removed;
+  const std::vector<PointMatch> matches = matching.Matches();
+  for (int i = 0; i < matching.size(); ++i) {
+    if (i < matching.pinned() || orientations[i] > 0) {
+      kept.push_back(matches[i]);
+    } else {
+      removed.push_back(matches[i].x);
+    }
+  }
+  Matching regrown =
+      Restore(input, kept, matching.capacity(), matching.pinned());
+  for (std::size_t i = 0; i < removed.size(); ++i) {
+    const int x = regrown.NearestUnmatched(kX, removed);
+    const int y = input.search_y.Best(regrown, kX, x);
+    if (y < 0) break;
+    regrown.Add({x, y});
+  }
+  Improve(options, /*temperature=*/0, random, &regrown);
+  return regrown;
+}
+
+/// Takes the regrown map when it is better by what complete maps rank by, with
+/// what is mirrored of them counting against them.
+void RegrowMirrored(const FirstStageInput& input,
+                    const FirstStageOptions& options, RandomStream* random,
+                    Matching* matching) {
+  for (int round = 0; round < kRegrowths; ++round) {
+    const double score =
+        OrientationScore(*matching, input.frames_x, input.frames_y);
+    if (score < 0 || score > kWellOriented) return;
+    Matching regrown = Regrown(input, options, *matching, random);
+    const double new_score =
+        OrientationScore(regrown, input.frames_x, input.frames_y);
+    if (Badness(input, options, true, regrown) * (1 - new_score) >=
+        Badness(input, options, true, *matching) * (1 - score)) {
+      return;
+    }
+    *matching = std::move(regrown);
+  }
 }
 
 /// All rounds, the last of which is the full size.
@@ -78,7 +289,8 @@ std::vector<SelectionRound> AllRounds(const FirstStageOptions& options) {
   for (const SelectionRound& round : options.rounds) {
     if (round.matches < options.matches) rounds.push_back(round);
   }
-  rounds.push_back({options.matches, 1});
+  // Which of the last ones are kept is decided by BestDistinct.
+  rounds.push_back({options.matches, std::numeric_limits<int>::max()});
   return rounds;
 }
 
@@ -114,6 +326,10 @@ class RoundProgress {
 
 }  // namespace
 
+double LandmarkPenalty(double contradicted_fraction) {
+  return std::exp(kPenaltyRate * contradicted_fraction);
+}
+
 void Grow(const FirstStageInput& input, const FirstStageOptions& options,
           int target, RandomStream* random, const std::stop_token& stop,
           Matching* matching) {
@@ -129,38 +345,62 @@ void Grow(const FirstStageInput& input, const FirstStageOptions& options,
   }
 }
 
-absl::StatusOr<Matching> RunFirstStage(
+absl::StatusOr<std::vector<RankedMap>> RunFirstStage(
     const FirstStageInput& input, const std::vector<Seed>& seeds,
     const FirstStageOptions& options,
     const std::function<void(double)>& progress, const std::stop_token& stop) {
   assert(!seeds.empty());
   std::vector<Contender> contenders;
   for (std::size_t i = 0; i < seeds.size(); ++i) {
-    contenders.push_back({i, seeds[i]});
+    Contender contender;
+    contender.seed = i;
+    contender.matches = seeds[i];
+    contenders.push_back(std::move(contender));
   }
   const std::vector<SelectionRound> rounds = AllRounds(options);
   RoundProgress round_progress(rounds, seeds.size(), progress);
+  bool want_mirror = false;
   for (std::size_t r = 0; r < rounds.size(); ++r) {
     const bool last = r + 1 == rounds.size();
     const auto grow_one = [&](std::int64_t i) {
       Contender& contender = contenders[i];
       RandomStream random(options.random_seed,
                           contender.seed * rounds.size() + r);
-      Matching matching = Restore(input, contender.matches, rounds[r].matches);
+      Matching matching =
+          Restore(input, contender.matches, rounds[r].matches, options.pinned);
       Grow(input, options, rounds[r].matches, &random, stop, &matching);
-      if (last) Improve(options, /*temperature=*/0, &random, &matching);
+      if (last) {
+        Improve(options, /*temperature=*/0, &random, &matching);
+        if (options.regrow_mirrored) {
+          RegrowMirrored(input, options, &random, &matching);
+        }
+      }
       Judge(input, options, matching, &contender);
+      if (options.max_results > 1 &&
+          (last || matching.size() >= kDiverseFrom)) {
+        contender.images = ImagesOfProbes(matching);
+      }
       round_progress.OneDone(r);
     };
     ISOMATCH_RETURN_IF_ERROR(ParallelFor(
         static_cast<std::int64_t>(contenders.size()), stop, grow_one));
+    if (!options.landmarks.empty()) {
+      want_mirror = LandmarksWantMirror(contenders, want_mirror);
+    }
+    if (want_mirror) {
+      for (Contender& contender : contenders) {
+        contender.wrong_side = !contender.wrong_side;
+      }
+    }
     std::sort(contenders.begin(), contenders.end(), Better);
-    contenders.erase(
-        contenders.begin() +
-            std::min<std::size_t>(rounds[r].keep, contenders.size()),
-        contenders.end());
+    const std::size_t keep = rounds[r].keep;
+    if (!last && !contenders.front().images.empty()) {
+      KeepDiverse(input, keep, &contenders);
+    } else if (contenders.size() > keep) {
+      contenders.erase(contenders.begin() + keep, contenders.end());
+    }
   }
-  return Restore(input, contenders.front().matches, 0);
+  return BestDistinct(input, options, contenders);
 }
 
 }  // namespace isomatch

@@ -59,6 +59,16 @@ struct FirstStageOptions {
   double temperature = 0.01;
   /// RelocationSweep after each swap phase; 0 for none.
   int relocation_neighbors = 0;
+  /// At most this many maps come back, distinct from each other.
+  int max_results = 1;
+  /// Complete maps that keep orientation have their mirrored regions taken out
+  /// and grown anew from the rim.
+  bool regrow_mirrored = false;
+  /// Known matches. Maps that contradict a larger part of them rank lower; and
+  /// where they speak for the mirror image, unmirrored maps come last instead.
+  std::vector<PointMatch> landmarks;
+  /// The first so many matches of every seed stay as they are.
+  int pinned = 0;
   std::uint64_t random_seed = 1;
 };
 
@@ -72,6 +82,23 @@ struct FirstStageInput {
   const PointFrames& frames_x;
   const PointFrames& frames_y;
 };
+
+/// A map of the first stage and what it was ranked by.
+struct RankedMap {
+  Matching matching;
+  /// Fraction of FirstStageOptions::landmarks that it sends elsewhere.
+  double contradiction = 0;
+  /// Embedding error, times the curvature mismatch to its power, times the
+  /// penalty of landmarks; smaller is better. The negative objective with
+  /// Selection::kObjective.
+  double badness = 0;
+  /// Mirrored; or not mirrored, where the landmarks want it so.
+  bool wrong_side = false;
+};
+
+/// How much worse landmarks make a map of which they contradict this fraction,
+/// as a factor; above 1.
+double LandmarkPenalty(double contradicted_fraction);
 
 /// Grows `matching` to `target` matches: insertion alternates between farthest
 /// points of X and of Y, and a phase of swapping follows every swap_interval
@@ -92,7 +119,7 @@ void Grow(const FirstStageInput& input, const FirstStageOptions& options,
 /// REQUIRES: at least one seed, all injective. CANCELLED after `stop`.
 /// Time O(seeds matches^2 P) in the worst case; memory as a Matching for each
 /// thread.
-absl::StatusOr<Matching> RunFirstStage(
+absl::StatusOr<std::vector<RankedMap>> RunFirstStage(
     const FirstStageInput& input, const std::vector<Seed>& seeds,
     const FirstStageOptions& options,
     const std::function<void(double)>& progress, const std::stop_token& stop);

@@ -67,6 +67,18 @@ int Matching::FarthestUnmatched(Side side) const {
   return farthest;
 }
 
+int Matching::NearestUnmatched(Side side,
+                               const std::vector<int>& points) const {
+  int nearest = -1;
+  for (const int p : points) {
+    if (is_matched_[side][p]) continue;
+    if (nearest < 0 || coverage_[side][p] > coverage_[side][nearest]) {
+      nearest = p;
+    }
+  }
+  return nearest;
+}
+
 void Matching::EmbeddingErrors(Side side, int point,
                                const std::vector<int>& candidates,
                                std::vector<float>* errors) const {

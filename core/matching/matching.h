@@ -61,10 +61,19 @@ class Matching {
   /// REQUIRES: both points unmatched, size() < capacity().
   void Add(PointMatch match);
 
+  /// The first `count` matches are to stay as they are: annealing leaves them
+  /// alone.
+  void Pin(int count) { pinned_ = count; }
+  int pinned() const { return pinned_; }
+
   /// The unmatched point farthest from all matched ones; ties by smallest
   /// index; -1 when all are matched. Eq. 5 falls with distance, so this is
   /// farthest point sampling with respect to the matches (Section 3.3.1).
   int FarthestUnmatched(Side side) const;
+
+  /// Of `points`, the unmatched one nearest to any match; ties by order; -1
+  /// when all are matched.
+  int NearestUnmatched(Side side, const std::vector<int>& points) const;
 
   /// Eq. 8 for matching `point` of `side` with each of `candidates` on the
   /// other side: errors[c] = sum_i |k(point, point_i) - k(candidate_c,
@@ -94,6 +103,7 @@ class Matching {
 
   std::array<const PointPool*, 2> pools_;
   int capacity_;
+  int pinned_ = 0;
   std::array<std::vector<int>, 2> points_;  ///< of each match
   std::array<std::vector<const float*>, 2> rows_;
   std::array<std::vector<std::vector<float>>, 2> row_storage_;

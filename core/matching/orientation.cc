@@ -35,6 +35,29 @@ double Turn(const PointFrames& frames, int a, int b, int c) {
   return frames.normals.row(a).dot(to_b.cross(to_c));
 }
 
+/// A sum of products of turns on both shapes, and of their magnitudes.
+struct Turns {
+  double sum = 0;
+  double magnitude = 0;
+  double Score() const { return magnitude > 0 ? sum / magnitude : 0; }
+};
+
+void AddTurns(const Matching& matching, const PointFrames& frames_x,
+              const PointFrames& frames_y, int a, const std::vector<int>& near,
+              Turns* turns) {
+  for (std::size_t i = 0; i < near.size(); ++i) {
+    for (std::size_t j = 0; j < i; ++j) {
+      const double product =
+          Turn(frames_x, matching.point(kX, a), matching.point(kX, near[i]),
+               matching.point(kX, near[j])) *
+          Turn(frames_y, matching.point(kY, a), matching.point(kY, near[i]),
+               matching.point(kY, near[j]));
+      turns->sum += product;
+      turns->magnitude += std::abs(product);
+    }
+  }
+}
+
 }  // namespace
 
 PointFrames GatherFrames(const Positions& positions, const Positions& normals,
@@ -49,23 +72,31 @@ PointFrames GatherFrames(const Positions& positions, const Positions& normals,
 
 double OrientationScore(const Matching& matching, const PointFrames& frames_x,
                         const PointFrames& frames_y) {
-  double sum = 0;
-  double magnitude = 0;
+  Turns turns;
   for (int a = 0; a < matching.size(); ++a) {
-    const std::vector<int> near = NearestMatches(matching, a);
-    for (std::size_t i = 0; i < near.size(); ++i) {
-      for (std::size_t j = 0; j < i; ++j) {
-        const double product =
-            Turn(frames_x, matching.point(kX, a), matching.point(kX, near[i]),
-                 matching.point(kX, near[j])) *
-            Turn(frames_y, matching.point(kY, a), matching.point(kY, near[i]),
-                 matching.point(kY, near[j]));
-        sum += product;
-        magnitude += std::abs(product);
-      }
-    }
+    AddTurns(matching, frames_x, frames_y, a, NearestMatches(matching, a),
+             &turns);
   }
-  return magnitude > 0 ? sum / magnitude : 0;
+  return turns.Score();
+}
+
+std::vector<double> LocalOrientations(const Matching& matching,
+                                      const PointFrames& frames_x,
+                                      const PointFrames& frames_y) {
+  std::vector<std::vector<int>> near;
+  std::vector<double> own;
+  for (int a = 0; a < matching.size(); ++a) {
+    near.push_back(NearestMatches(matching, a));
+    Turns turns;
+    AddTurns(matching, frames_x, frames_y, a, near.back(), &turns);
+    own.push_back(turns.Score());
+  }
+  std::vector<double> averaged = own;
+  for (int a = 0; a < matching.size(); ++a) {
+    for (const int b : near[a]) averaged[a] += own[b];
+    averaged[a] /= static_cast<double>(near[a].size() + 1);
+  }
+  return averaged;
 }
 
 double CurvatureMismatch(const Matching& matching, const PointFrames& frames_x,

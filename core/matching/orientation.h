@@ -1,5 +1,7 @@
 #pragma once
 
+#include <vector>
+
 #include "core/matching/matching.h"
 #include "core/mesh/triangle_mesh.h"
 
@@ -28,6 +30,13 @@ PointFrames GatherFrames(const Positions& positions, const Positions& normals,
 /// Not in the paper.
 double OrientationScore(const Matching& matching, const PointFrames& frames_x,
                         const PointFrames& frames_y);
+
+/// The same around each match alone, averaged with those of its 6 nearest
+/// matches: negative where a region is mirrored although the map as a whole is
+/// not. One entry a match, in [-1, 1].
+std::vector<double> LocalOrientations(const Matching& matching,
+                                      const PointFrames& frames_x,
+                                      const PointFrames& frames_y);
 
 /// Mean over the matches of the difference of mean curvature, 1 / mesh units.
 /// It tells a map from one that intrinsic distances and orientation cannot: the

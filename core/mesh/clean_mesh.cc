@@ -55,6 +55,10 @@ VertexMap WeldSeams(const TriangleMesh& mesh) {
   return welded;
 }
 
+/// Height over length of a face below which it has no area, and below which it
+/// is a sliver.
+constexpr double kFlatFace = 1e-9;
+constexpr double kSliver = 0.01;
 /// Volume, in units of area^1.5, below which its sign is rounding.
 constexpr double kFlat = 1e-6;
 
@@ -221,6 +225,29 @@ void OrientOutwards(CleanMesh* clean) {
   }
 }
 
+void WarnOfSlivers(CleanMesh* clean) {
+  const TriangleMesh& mesh = clean->mesh;
+  VertexIndex flat = 0;
+  VertexIndex slivers = 0;
+  for (VertexIndex f = 0; f < mesh.num_faces(); ++f) {
+    double longest = 0;
+    for (int corner = 0; corner < 3; ++corner) {
+      longest = std::max(longest,
+                         (mesh.positions.row(mesh.faces(f, corner)) -
+                          mesh.positions.row(mesh.faces(f, (corner + 1) % 3)))
+                             .norm());
+    }
+    const double height = longest > 0 ? 2 * FaceArea(mesh, f) / longest : 0;
+    flat += height <= kFlatFace * longest;
+    slivers += height > kFlatFace * longest && height < kSliver * longest;
+  }
+  const auto warn = [&](VertexIndex count, const char* text) {
+    if (count > 0) clean->warnings.push_back(absl::StrCat(count, text));
+  };
+  warn(flat, " faces of no area");
+  warn(slivers, " sliver faces, a hundred times longer than high");
+}
+
 void WarnOfVertices(const VertexMap& welded, VertexIndex dropped_faces,
                     CleanMesh* clean) {
   VertexIndex duplicates = 0;
@@ -237,6 +264,8 @@ void WarnOfVertices(const VertexMap& welded, VertexIndex dropped_faces,
        " vertices along seams coincide with others and were joined");
   warn(isolated, " vertices are on no face and stay unmatched");
   warn(dropped_faces, " degenerate or repeated faces left out");
+  warn(CountNonManifoldVertices(clean->mesh), " non-manifold vertices");
+  WarnOfSlivers(clean);
   const int components = ConnectedComponents(clean->mesh).count;
   if (components > 1) warn(components, " separate components");
 }

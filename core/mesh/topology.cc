@@ -4,6 +4,8 @@
 #include <numeric>
 #include <tuple>
 
+#include "core/mesh/vertex_stars.h"
+
 namespace isomatch {
 namespace {
 
@@ -82,6 +84,41 @@ Components ConnectedComponents(const TriangleMesh& mesh) {
         root == v ? components.count++ : components.of_vertex[root];
   }
   return components;
+}
+
+int CountNonManifoldVertices(const TriangleMesh& mesh) {
+  const VertexStars stars(mesh);
+  int count = 0;
+  for (VertexIndex v = 0; v < mesh.num_vertices(); ++v) {
+    const auto neighbors = stars.Neighbors(v);
+    // The edges opposite v join its neighbours; a fan is one component.
+    DisjointSets link(static_cast<VertexIndex>(neighbors.size()));
+    const auto position = [&](VertexIndex u) {
+      return static_cast<VertexIndex>(
+          std::lower_bound(neighbors.begin(), neighbors.end(), u) -
+          neighbors.begin());
+    };
+    for (const VertexIndex f : stars.Faces(v)) {
+      VertexIndex first = kNoVertex;
+      for (int corner = 0; corner < 3; ++corner) {
+        const VertexIndex u = mesh.faces(f, corner);
+        if (u == v) continue;
+        if (first == kNoVertex) {
+          first = position(u);
+        } else {
+          link.Join(first, position(u));
+        }
+      }
+    }
+    for (VertexIndex u = 1; u < static_cast<VertexIndex>(neighbors.size());
+         ++u) {
+      if (link.Find(u) != link.Find(0)) {
+        ++count;
+        break;
+      }
+    }
+  }
+  return count;
 }
 
 }  // namespace isomatch

@@ -45,4 +45,8 @@ struct Components {
 };
 Components ConnectedComponents(const TriangleMesh& mesh);
 
+/// Number of vertices at which two or more fans of faces meet that share no
+/// edge there. Time O(m).
+int CountNonManifoldVertices(const TriangleMesh& mesh);
+
 }  // namespace isomatch

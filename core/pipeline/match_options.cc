@@ -59,6 +59,32 @@ absl::Status ValidateFirstStage(const MatchOptions& o) {
   return ValidateRounds(o);
 }
 
+absl::Status ValidateAlignment(const MatchOptions& o) {
+  ISOMATCH_RETURN_IF_ERROR(InRange("candidates", o.candidates, 1, 8));
+  ISOMATCH_RETURN_IF_ERROR(
+      InRange("candidate_margin", o.candidate_margin, 1.0, 1e6));
+  ISOMATCH_RETURN_IF_ERROR(InRange("wavelet_rounds", o.wavelet_rounds, 0, 100));
+  ISOMATCH_RETURN_IF_ERROR(
+      InRange("alignment_rounds", o.alignment_rounds, 0, 1000));
+  ISOMATCH_RETURN_IF_ERROR(
+      InRange("alignment_basis", o.alignment_basis, 1, 500));
+  ISOMATCH_RETURN_IF_ERROR(InRange("alignment_stiffness_first",
+                                   o.alignment_stiffness_first, 1e-6, 1e3));
+  ISOMATCH_RETURN_IF_ERROR(InRange("alignment_stiffness_last",
+                                   o.alignment_stiffness_last, 1e-6, 1e3));
+  if (o.alignment_rounds > 0 && o.zoomout_end > 0) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "options.zoomout_end: ", o.zoomout_end,
+        ", expected 0 together with alignment_rounds ", o.alignment_rounds));
+  }
+  if (o.alignment_rounds > 0 && !o.dense_from_closeness) {
+    return absl::InvalidArgumentError(
+        "options.dense_from_closeness: false, expected true with "
+        "alignment_rounds above 0, which start from a dense map");
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 MatchOptions MatchOptions::ForProfile(Profile profile) {
@@ -72,6 +98,7 @@ MatchOptions MatchOptions::ForProfile(Profile profile) {
   options.selection_rounds.clear();
   options.selection = Selection::kObjective;
   options.orientation_from = 0;
+  options.regrow_mirrored = false;
   options.curvature_weight = 0;
   options.candidates_from_environments = true;
   options.temperature = 0.01;
@@ -79,14 +106,15 @@ MatchOptions MatchOptions::ForProfile(Profile profile) {
   options.relocation_neighbors = 0;
   options.second_stage_fraction = 0.7;
   options.dense_from_closeness = false;
-  options.zoomout_start = 20;
+  options.candidates = 1;
+  options.alignment_rounds = 0;
   options.zoomout_end = 120;
-  options.zoomout_step = 5;
   return options;
 }
 
 absl::Status MatchOptions::Validate() const {
   ISOMATCH_RETURN_IF_ERROR(ValidateFirstStage(*this));
+  ISOMATCH_RETURN_IF_ERROR(ValidateAlignment(*this));
   ISOMATCH_RETURN_IF_ERROR(
       InRange("second_stage_fraction", second_stage_fraction, 0.0, 1.0));
   ISOMATCH_RETURN_IF_ERROR(

@@ -45,12 +45,23 @@ struct MatchOptions {
   /// Competing maps with a negative orientation score come last from this many
   /// matches on; 0 switches the cue off. Not in the paper.
   int orientation_from = 40;
+  /// Regions of complete competing maps that are mirrored although the map is
+  /// not are taken out and grown anew from their rim. Not in the paper.
+  bool regrow_mirrored = true;
   /// Complete competing maps rank by their embedding error times this power of
   /// their curvature mismatch; 0 leaves curvature out. In [0, 10]. Not in the
   /// paper.
   double curvature_weight = 1;
   /// Radius of the features that curvature speaks of. In [0.001, 1].
   double curvature_radius = 0.03;
+
+  /// Distinct maps of the first stage that go on until the elastic alignment
+  /// decides between them; 1 to 8. Needs alignment_rounds > 0. Not in the
+  /// paper.
+  int candidates = 4;
+  /// A distinct map goes on if its rank value (embedding error, times curvature
+  /// mismatch) is at most this many times the best one's. At least 1.
+  double candidate_margin = 1.6;
 
   /// 3.3.1: matches after the first stage. At least 4.
   int first_stage_matches = 250;
@@ -82,11 +93,29 @@ struct MatchOptions {
   bool dense_from_closeness = true;
 
   /// ZoomOut: sizes of the spectral bases. zoomout_end 0 leaves it out.
-  int zoomout_start = 100;
-  int zoomout_end = 150;
-  int zoomout_step = 10;
+  int zoomout_start = 20;
+  int zoomout_end = 0;
+  int zoomout_step = 5;
+
+  /// Refinement of the dense map in place of ZoomOut; not in the paper. Rounds
+  /// of wavelet filtering (core/spectral/wavelet_filter.h) before the elastic
+  /// alignment, and rounds of that (core/alignment/elastic_alignment.h) at
+  /// stiffness falling from first to last. alignment_rounds 0 leaves both out;
+  /// it excludes ZoomOut.
+  int wavelet_rounds = 4;
+  int alignment_rounds = 42;
+  int alignment_basis = 128;
+  double alignment_stiffness_first = 0.03;
+  double alignment_stiffness_last = 0.001;
+
+  /// Landmarks are kept whatever contradicts them. Otherwise those that the
+  /// rest of the map contradicts are left out and reported.
+  bool landmarks_exact = false;
 
   // What changes only cost or reporting.
+
+  /// Fills Correspondence::functional_map.
+  bool keep_functional_map = false;
 
   /// Threads; 0 means one for each core.
   int threads = 0;

@@ -2,12 +2,13 @@
 
 #include <algorithm>
 #include <array>
+#include <memory>
 #include <optional>
-#include <set>
 #include <unordered_map>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/alignment/elastic_alignment.h"
 #include "core/base/parallel.h"
 #include "core/base/random_stream.h"
 #include "core/base/status_macros.h"
@@ -16,37 +17,27 @@
 #include "core/matching/first_stage.h"
 #include "core/matching/objective.h"
 #include "core/matching/second_stage.h"
+#include "core/pipeline/candidates.h"
+#include "core/pipeline/conclusion.h"
+#include "core/pipeline/landmarks.h"
 #include "core/pipeline/prepared_mesh.h"
 #include "core/pipeline/progress_reporter.h"
+#include "core/pipeline/stage_plan.h"
+#include "core/spectral/functional_map.h"
+#include "core/spectral/mean_curvature.h"
 #include "core/spectral/zoomout.h"
 
 namespace isomatch {
 namespace {
 
-/// Landmarks beyond this many are thinned out evenly: they hold the map as well
-/// and cost their square.
-constexpr std::size_t kMaxLandmarks = 1000;
-/// With fewer landmarks than this, generated seeds complete them.
-constexpr std::size_t kEnoughLandmarks = 4;
 /// Index of the second stage's random stream, apart from the seeds'.
 constexpr std::uint64_t kSecondStageStream = std::uint64_t{1} << 40;
 
-/// The stages of a run with their rough share of its time.
-std::vector<std::pair<Stage, double>> Plan(const MatchOptions& options) {
-  std::vector<std::pair<Stage, double>> plan = {{Stage::kPrepare, 0.03},
-                                                {Stage::kGeodesics, 0.2}};
-  if (options.zoomout_end > 0) plan.emplace_back(Stage::kSpectral, 0.25);
-  plan.emplace_back(Stage::kSeeds, 0.02);
-  plan.emplace_back(Stage::kFirstInsertion, 0.3);
-  if (options.second_stage_fraction > 0) {
-    plan.emplace_back(Stage::kSecondInsertion, 0.3);
-    plan.emplace_back(Stage::kFinalSwapping, 0.2);
-  }
-  if (options.dense_from_closeness) plan.emplace_back(Stage::kDense, 0.15);
-  if (options.zoomout_end > 0) plan.emplace_back(Stage::kZoomOut, 0.2);
-  plan.emplace_back(Stage::kQuality, 0.01);
-  return plan;
-}
+/// Below this, rank values are rounding.
+constexpr double kRounding = 1e-8;
+/// A landmark is kept when the map sends it no further than this from where it
+/// should go, in sqrt(area).
+constexpr float kLandmarkTolerance = 0.1f;
 
 FirstStageOptions FirstStageOptionsOf(const MatchOptions& options,
                                       std::size_t num_landmarks) {
@@ -61,29 +52,9 @@ FirstStageOptions FirstStageOptionsOf(const MatchOptions& options,
   first.swaps = {options.swap_proposals, options.swap_neighbors};
   first.temperature = options.temperature;
   first.relocation_neighbors = options.relocation_neighbors;
+  first.max_results = options.alignment_rounds > 0 ? options.candidates : 1;
   first.random_seed = options.random_seed;
   return first;
-}
-
-/// Vertices of a pool: farthest points first, then whatever else is wanted.
-std::vector<VertexIndex> PoolVertices(const GeodesicHash& hash, int pool_size,
-                                      const std::vector<VertexIndex>& extra) {
-  const VertexIndex n = hash.basis.num_vertices();
-  std::vector<VertexIndex> vertices = hash.farthest_points;
-  if (pool_size > 0 && vertices.size() > static_cast<std::size_t>(pool_size)) {
-    vertices.resize(pool_size);
-  }
-  std::vector<char> is_in(n, false);
-  for (const VertexIndex v : vertices) is_in[v] = true;
-  const auto add = [&](VertexIndex v) {
-    if (!is_in[v]) vertices.push_back(v);
-    is_in[v] = true;
-  };
-  for (const VertexIndex v : extra) add(v);
-  if (pool_size == 0) {
-    for (VertexIndex v = 0; v < n; ++v) add(v);
-  }
-  return vertices;
 }
 
 /// One run of the method: the stages in order, each reading what those before
@@ -96,7 +67,7 @@ class Matcher {
       : meshes_{&mesh_x, &mesh_y},
         user_landmarks_(landmarks),
         options_(options),
-        progress_(progress, Plan(options)),
+        progress_(progress, StagePlan(options)),
         stop_(stop) {}
 
   absl::StatusOr<Correspondence> Run() {
@@ -104,11 +75,13 @@ class Matcher {
     ISOMATCH_RETURN_IF_ERROR(Geodesics());
     ISOMATCH_RETURN_IF_ERROR(Spectral());
     ISOMATCH_RETURN_IF_ERROR(Pools());
-    ISOMATCH_RETURN_IF_ERROR(FirstInsertion(Seeds()));
+    ISOMATCH_RETURN_IF_ERROR(FirstInsertion());
     ISOMATCH_RETURN_IF_ERROR(SecondInsertion());
     ISOMATCH_RETURN_IF_ERROR(Dense());
     ISOMATCH_RETURN_IF_ERROR(Refine());
-    Quality();
+    ISOMATCH_RETURN_IF_ERROR(Choose());
+    ISOMATCH_RETURN_IF_ERROR(Align());
+    ISOMATCH_RETURN_IF_ERROR(Conclude());
     return std::move(result_);
   }
 
@@ -126,40 +99,9 @@ class Matcher {
                                 MakeWorkingMesh(*meshes_[side], stop_));
       return absl::OkStatus();
     }));
-    return TakeLandmarks();
-  }
-
-  /// Landmarks as working vertices, each vertex once.
-  absl::Status TakeLandmarks() {
-    std::set<VertexIndex> taken_x;
-    std::set<VertexIndex> taken_y;
-    const std::size_t given = user_landmarks_.size();
-    const std::size_t kept = std::min(given, kMaxLandmarks);
-    for (std::size_t k = 0; k < kept; ++k) {
-      const std::size_t i = k * given / kept;
-      const VertexMatch match = {
-          working_[kX].working_from_user[user_landmarks_[i].x],
-          working_[kY].working_from_user[user_landmarks_[i].y]};
-      if (match.x == kNoVertex || match.y == kNoVertex) {
-        return absl::InvalidArgumentError(absl::StrCat(
-            "landmarks[", i, "].", match.x == kNoVertex ? "x" : "y",
-            ": the vertex is on no face, expected one of the surface"));
-      }
-      if (taken_x.count(match.x) > 0 || taken_y.count(match.y) > 0) {
-        result_.warnings.push_back(
-            absl::StrCat("landmarks[", i,
-                         "] left out: its vertex coincides with that of "
-                         "an earlier landmark"));
-        continue;
-      }
-      taken_x.insert(match.x);
-      taken_y.insert(match.y);
-      landmarks_.push_back(match);
-    }
-    if (kept < given) {
-      result_.warnings.push_back(absl::StrCat(
-          kept, " of ", given, " landmarks used, evenly from the list"));
-    }
+    ISOMATCH_ASSIGN_OR_RETURN(
+        landmarks_, TakeLandmarks(user_landmarks_, working_[kX], working_[kY],
+                                  &result_.warnings));
     return absl::OkStatus();
   }
 
@@ -175,12 +117,14 @@ class Matcher {
   }
 
   absl::Status Spectral() {
-    if (options_.zoomout_end == 0) return absl::OkStatus();
-    progress_.Begin(Stage::kSpectral);
+    const int count = SpectralCount(options_);
+    if (count > 0) progress_.Begin(Stage::kSpectral);
     return Both([&](Side side) -> absl::Status {
+      laplacian_[side] = BuildCotanLaplacian(working_[side].mesh);
+      if (count == 0) return absl::OkStatus();
       ISOMATCH_ASSIGN_OR_RETURN(
           spectral_[side],
-          PrepareSpectralBasis(working_[side], options_.zoomout_end, stop_));
+          ComputeSpectralBasis(laplacian_[side], count, stop_));
       progress_.Part(side, 2)(1);
       return absl::OkStatus();
     });
@@ -190,8 +134,8 @@ class Matcher {
     progress_.Begin(Stage::kSeeds);
     return Both([&](Side side) -> absl::Status {
       std::vector<VertexIndex> extra;
-      for (const VertexMatch& match : landmarks_) {
-        extra.push_back(side == kX ? match.x : match.y);
+      for (const WorkingLandmark& landmark : landmarks_) {
+        extra.push_back(side == kX ? landmark.match.x : landmark.match.y);
       }
       ISOMATCH_ASSIGN_OR_RETURN(
           pools_[side],
@@ -205,8 +149,9 @@ class Matcher {
           Eigen::VectorXd::Zero(working_[side].mesh.num_vertices());
       if (options_.curvature_weight > 0) {
         ISOMATCH_ASSIGN_OR_RETURN(
-            curvature,
-            PrepareCurvature(working_[side], options_.curvature_radius));
+            curvature, SmoothedMeanCurvature(
+                           laplacian_[side], working_[side].mesh.positions,
+                           working_[side].normals, options_.curvature_radius));
       }
       frames_[side] =
           GatherFrames(working_[side].mesh.positions, working_[side].normals,
@@ -215,7 +160,16 @@ class Matcher {
     });
   }
 
-  Seed LandmarkSeed() const {
+  /// The landmarks that the first stage relies on, as points of the pools.
+  Seed TrustedLandmarks() const {
+    std::vector<VertexMatch> trusted;
+    if (options_.landmarks_exact) {
+      for (const WorkingLandmark& landmark : landmarks_) {
+        trusted.push_back(landmark.match);
+      }
+    } else {
+      trusted = AgreeingLandmarks(landmarks_, hash_[kX].basis, hash_[kY].basis);
+    }
     std::array<std::unordered_map<VertexIndex, int>, 2> points;
     for (const Side side : {kX, kY}) {
       for (int p = 0; p < pools_[side].size(); ++p) {
@@ -223,62 +177,75 @@ class Matcher {
       }
     }
     Seed seed;
-    for (const VertexMatch& match : landmarks_) {
+    for (const VertexMatch& match : trusted) {
       seed.push_back({points[kX].at(match.x), points[kY].at(match.y)});
     }
     return seed;
   }
 
-  /// Where the competing maps start: at the landmarks, at generated seeds, or,
-  /// when the landmarks are few, at both together.
-  std::vector<Seed> Seeds() const {
-    const Seed given = LandmarkSeed();
-    if (given.size() >= kEnoughLandmarks) return {given};
-    const std::vector<Seed> generated = GenerateSeeds(
-        pools_[kX], pools_[kY],
-        {options_.seed_points, options_.seed_matches, options_.max_seeds});
-    if (given.empty()) return generated;
-    std::vector<Seed> seeds = {given};
-    for (const Seed& seed : generated) {
-      Seed both = given;
-      for (const PointMatch& match : seed) {
-        const bool free = std::none_of(
-            given.begin(), given.end(), [&](const PointMatch& other) {
-              return other.x == match.x || other.y == match.y;
-            });
-        if (free) both.push_back(match);
-      }
-      seeds.push_back(std::move(both));
-    }
-    return seeds;
+  bool oriented() const {
+    return working_[kX].oriented && working_[kY].oriented;
   }
 
-  absl::Status FirstInsertion(const std::vector<Seed>& seeds) {
+  absl::Status FirstInsertion() {
+    const Seed trusted = TrustedLandmarks();
+    const std::vector<Seed> seeds = SeedsWithLandmarks(
+        trusted,
+        GenerateSeeds(
+            pools_[kX], pools_[kY],
+            {options_.seed_points, options_.seed_matches, options_.max_seeds}),
+        options_.landmarks_exact);
     progress_.Begin(Stage::kFirstInsertion);
-    FirstStageOptions first = FirstStageOptionsOf(options_, landmarks_.size());
-    const bool oriented = working_[kX].oriented && working_[kY].oriented;
-    if (!oriented) first.orientation_from = 0;
+    FirstStageOptions first = FirstStageOptionsOf(options_, trusted.size());
+    if (!oriented()) first.orientation_from = 0;
+    first.regrow_mirrored = options_.regrow_mirrored && oriented();
+    first.landmarks = trusted;
+    if (options_.landmarks_exact) {
+      first.pinned = static_cast<int>(trusted.size());
+    }
     ISOMATCH_ASSIGN_OR_RETURN(
-        const Matching matching,
+        const std::vector<RankedMap> maps,
         RunFirstStage({pools_[kX], pools_[kY], search_[kX], search_[kY],
                        frames_[kX], frames_[kY]},
                       seeds, first, progress_.Part(0, 1), stop_));
-    for (const PointMatch& match : matching.Matches()) {
-      sparse_.push_back(
-          {pools_[kX].vertex(match.x), pools_[kY].vertex(match.y)});
+    for (const RankedMap& map : maps) {
+      // What ranks far behind, or lies on the wrong side although the best does
+      // not, has lost already.
+      if (map.badness > options_.candidate_margin * maps.front().badness &&
+          map.badness > kRounding) {
+        continue;
+      }
+      if (map.wrong_side && !maps.front().wrong_side) continue;
+      candidates_.push_back(MakeCandidate(map));
     }
-    result_.embedding_error = EmbeddingError(matching);
-    result_.objective = Objective(matching);
-    if (oriented) {
-      result_.orientation_score =
-          OrientationScore(matching, frames_[kX], frames_[kY]);
-    }
-    y_from_x_.assign(working_[kX].mesh.num_vertices(), kNoVertex);
-    for (const VertexMatch& match : sparse_) y_from_x_[match.x] = match.y;
     Keep(Stage::kFirstInsertion);
     // The tables are used up; what follows needs the memory.
     for (const Side side : {kX, kY}) pools_[side] = PointPool();
     return absl::OkStatus();
+  }
+
+  Candidate MakeCandidate(const RankedMap& map) const {
+    Candidate candidate;
+    for (const PointMatch& match : map.matching.Matches()) {
+      candidate.sparse.push_back(
+          {pools_[kX].vertex(match.x), pools_[kY].vertex(match.y)});
+    }
+    candidate.y_from_x.assign(working_[kX].mesh.num_vertices(), kNoVertex);
+    for (const VertexMatch& match : candidate.sparse) {
+      candidate.y_from_x[match.x] = match.y;
+    }
+    MapScores& scores = candidate.scores;
+    scores.embedding_error = EmbeddingError(map.matching);
+    scores.curvature_mismatch =
+        CurvatureMismatch(map.matching, frames_[kX], frames_[kY]);
+    if (oriented()) {
+      scores.orientation_score =
+          OrientationScore(map.matching, frames_[kX], frames_[kY]);
+    }
+    scores.landmark_contradiction = map.contradiction;
+    scores.rank_value = map.badness;
+    candidate.objective = Objective(map.matching);
+    return candidate;
   }
 
   absl::Status SecondInsertion() {
@@ -290,13 +257,13 @@ class Matcher {
     const HashedShape shape_y = {*closeness_[kY], environments[kY]};
     PartialVertexMap map(working_[kX].mesh.num_vertices(),
                          working_[kY].mesh.num_vertices());
-    for (const VertexMatch& match : sparse_) map.Set(match.x, match.y);
+    for (const VertexMatch& match : best().sparse) map.Set(match.x, match.y);
     SecondStageOptions second;
     second.fraction = options_.second_stage_fraction;
     RandomStream random(options_.random_seed, kSecondStageStream);
     ISOMATCH_RETURN_IF_ERROR(RunSecondStage(shape_x, shape_y, second, &random,
                                             progress_.Part(0, 1), stop_, &map));
-    y_from_x_ = map.y_from_x;
+    best().y_from_x = map.y_from_x;
     Keep(Stage::kSecondInsertion);
     progress_.Begin(Stage::kFinalSwapping);
     if (options_.swapping != Swapping::kNone) {
@@ -304,7 +271,7 @@ class Matcher {
                                          options_.final_swap_fraction,
                                          progress_.Part(0, 1), stop_, &map));
     }
-    y_from_x_ = map.y_from_x;
+    best().y_from_x = map.y_from_x;
     Keep(Stage::kFinalSwapping);
     return absl::OkStatus();
   }
@@ -318,61 +285,171 @@ class Matcher {
   absl::Status Dense() {
     if (!options_.dense_from_closeness) return absl::OkStatus();
     progress_.Begin(Stage::kDense);
-    ISOMATCH_ASSIGN_OR_RETURN(
-        y_from_x_,
-        DenseMapFromMatches(*closeness_[kX], *closeness_[kY], sparse_, stop_));
+    for (Candidate& candidate : candidates_) {
+      ISOMATCH_ASSIGN_OR_RETURN(
+          candidate.y_from_x,
+          DenseMapFromMatches(*closeness_[kX], *closeness_[kY],
+                              candidate.sparse, stop_));
+    }
     Keep(Stage::kDense);
     return absl::OkStatus();
   }
 
   absl::Status Refine() {
-    // The distance fields are used up; what follows needs the memory.
-    for (const Side side : {kX, kY}) hash_[side] = GeodesicHash();
     if (options_.zoomout_end == 0) return absl::OkStatus();
     progress_.Begin(Stage::kZoomOut);
     ISOMATCH_ASSIGN_OR_RETURN(
-        y_from_x_, ZoomOut(spectral_[kX], spectral_[kY], std::move(y_from_x_),
-                           {options_.zoomout_start, options_.zoomout_end,
-                            options_.zoomout_step},
-                           progress_.Part(0, 1), stop_));
+        best().y_from_x,
+        ZoomOut(spectral_[kX], spectral_[kY], std::move(best().y_from_x),
+                {options_.zoomout_start, options_.zoomout_end,
+                 options_.zoomout_step},
+                progress_.Part(0, 1), stop_));
     Keep(Stage::kZoomOut);
     return absl::OkStatus();
   }
 
-  void Quality() {
-    progress_.Begin(Stage::kQuality);
-    result_.y_from_x = UserMap();
-    for (const VertexMatch& match : sparse_) {
-      result_.sparse_matches.push_back(
-          {working_[kX].user_from_working[match.x],
-           working_[kY].user_from_working[match.y]});
+  AlignmentShape ShapeOf(Side side) const {
+    return {working_[side].mesh, working_[side].normals, laplacian_[side],
+            spectral_[side]};
+  }
+
+  /// A mirrored map, as landmarks may want it, is an elastic motion of the
+  /// mirror image only. Intrinsically that is the same shape.
+  void Reflect() {
+    TriangleMesh& mesh = working_[kX].mesh;
+    mesh.positions.col(0) *= -1;
+    mesh.faces.col(1).swap(mesh.faces.col(2));
+    working_[kX].normals.col(0) *= -1;
+  }
+
+  absl::Status Choose() {
+    if (options_.alignment_rounds == 0) return absl::OkStatus();
+    progress_.Begin(Stage::kChoice);
+    if (oriented() && best().scores.orientation_score < 0) Reflect();
+    ISOMATCH_ASSIGN_OR_RETURN(
+        alignment_,
+        ChooseByAlignment(ShapeOf(kX), ShapeOf(kY), oriented(), options_,
+                          progress_.Part(0, 1), stop_, &candidates_));
+    Keep(Stage::kChoice);
+    return absl::OkStatus();
+  }
+
+  /// Decides which landmarks the map respects, and sets those.
+  void SettleLandmarks() {
+    result_.landmarks.assign(user_landmarks_.size(), {});
+    std::vector<char> used(user_landmarks_.size(), false);
+    for (const auto& [match, index] : landmarks_) {
+      LandmarkOutcome& outcome = result_.landmarks[index];
+      const VertexIndex found = best().y_from_x[match.x];
+      const float distance =
+          found == kNoVertex
+              ? 0
+              : std::min(hash_[kY].basis.LowerBound(found, match.y),
+                         kUnreachable);
+      outcome.kept = options_.landmarks_exact || distance <= kLandmarkTolerance;
+      outcome.distance = outcome.kept ? 0 : distance;
+      if (outcome.kept) best().y_from_x[match.x] = match.y;
+      used[index] = true;
     }
+    for (std::size_t i = 0; i < used.size(); ++i) {
+      if (!used[i]) result_.landmarks[i].kept = false;
+    }
+  }
+
+  absl::Status Align() {
+    SettleLandmarks();
+    // The distance fields are used up; what follows needs the memory.
+    for (const Side side : {kX, kY}) hash_[side] = GeodesicHash();
+    if (options_.alignment_rounds == 0) return absl::OkStatus();
+    progress_.Begin(Stage::kAlignment);
+    std::vector<VertexMatch> kept;
+    for (const WorkingLandmark& landmark : landmarks_) {
+      if (result_.landmarks[landmark.index].kept) {
+        kept.push_back(landmark.match);
+      }
+    }
+    alignment_->Fix(kept);
+    coarse_map_ = best().y_from_x;
+    ISOMATCH_RETURN_IF_ERROR(FinishAlignment(options_, progress_.Part(0, 1),
+                                             stop_, alignment_.get()));
+    best().y_from_x = alignment_->y_from_x();
+    Keep(Stage::kAlignment);
+    return absl::OkStatus();
+  }
+
+  absl::Status Conclude() {
+    progress_.Begin(Stage::kQuality);
+    result_.y_from_x = UserMap(best().y_from_x);
+    ReportLandmarks();
+    ReportScores();
+    result_.precise =
+        PrecisePoints(working_, alignment_.get(), result_.y_from_x);
+    ISOMATCH_RETURN_IF_ERROR(ReportQuality(working_, best().y_from_x,
+                                           coarse_map_, alignment_.get(), stop_,
+                                           &result_));
     result_.area_x = working_[kX].area;
     result_.area_y = working_[kY].area;
     result_.warnings_x = working_[kX].warnings;
     result_.warnings_y = working_[kY].warnings;
-    if (result_.orientation_score < 0) {
+    if (result_.scores.orientation_score < 0) {
       result_.warnings.push_back(
           absl::StrCat("the map is probably mirrored: orientation score ",
-                       result_.orientation_score));
+                       result_.scores.orientation_score));
     }
     progress_.Finish();
+    return absl::OkStatus();
   }
 
-  /// The current map in the user's numbering.
-  VertexMap UserMap() const {
-    VertexMap user_map;
-    for (const VertexIndex x : working_[kX].working_from_user) {
-      const VertexIndex y = x == kNoVertex ? kNoVertex : y_from_x_[x];
-      user_map.push_back(y == kNoVertex ? kNoVertex
-                                        : working_[kY].user_from_working[y]);
+  /// Where landmarks went in the end. Vertices that coincide after cleaning
+  /// have one image; a kept landmark names its own.
+  void ReportLandmarks() {
+    int changed = 0;
+    for (std::size_t i = 0; i < user_landmarks_.size(); ++i) {
+      LandmarkOutcome& outcome = result_.landmarks[i];
+      if (outcome.kept)
+        result_.y_from_x[user_landmarks_[i].x] = user_landmarks_[i].y;
+      outcome.y_found = result_.y_from_x[user_landmarks_[i].x];
+      changed += !outcome.kept;
     }
-    return user_map;
+    if (changed > 0) {
+      result_.warnings.push_back(
+          absl::StrCat(changed, " of ", user_landmarks_.size(),
+                       " landmarks contradict the rest and were not kept"));
+    }
   }
+
+  void ReportScores() {
+    for (const VertexMatch& match : best().sparse) {
+      result_.sparse_matches.push_back(
+          {working_[kX].user_from_working[match.x],
+           working_[kY].user_from_working[match.y]});
+    }
+    result_.objective = best().objective;
+    result_.scores = best().scores;
+    for (std::size_t i = 1; i < candidates_.size(); ++i) {
+      result_.alternatives.push_back(
+          {UserMap(candidates_[i].y_from_x), candidates_[i].scores});
+    }
+    result_.symmetry_confidence = SymmetryConfidence(options_, candidates_);
+    if (options_.keep_functional_map && spectral_[kX].size() > 0) {
+      const int k = std::min(spectral_[kX].size(), spectral_[kY].size());
+      result_.functional_map = FunctionalMapFromVertexMap(
+          spectral_[kX], spectral_[kY], best().y_from_x, k);
+      result_.eigenvalues_x = spectral_[kX].eigenvalues.head(k);
+      result_.eigenvalues_y = spectral_[kY].eigenvalues.head(k);
+    }
+  }
+
+  VertexMap UserMap(const VertexMap& y_from_x) const {
+    return ToUserMap(working_, y_from_x);
+  }
+
+  Candidate& best() { return candidates_.front(); }
+  const Candidate& best() const { return candidates_.front(); }
 
   void Keep(Stage stage) {
     if (options_.keep_stage_maps) {
-      result_.stage_maps.push_back({stage, UserMap()});
+      result_.stage_maps.push_back({stage, UserMap(best().y_from_x)});
     }
   }
 
@@ -385,74 +462,21 @@ class Matcher {
 
   // State, an entry a side, in order of the stages that make it.
   std::array<WorkingMesh, 2> working_;
-  std::vector<VertexMatch> landmarks_;  ///< working vertices
+  std::vector<WorkingLandmark> landmarks_;
   std::array<GeodesicHash, 2> hash_;
   std::array<std::optional<Closeness>, 2> closeness_;
+  std::array<CotanLaplacian, 2> laplacian_;
   std::array<SpectralBasis, 2> spectral_;
   std::array<PointPool, 2> pools_;
   std::array<CandidateSearch, 2> search_;
   std::array<PointFrames, 2> frames_;
-  std::vector<VertexMatch> sparse_;  ///< working vertices
-  VertexMap y_from_x_;               ///< working vertices
+  std::vector<Candidate> candidates_;            ///< the best first
+  std::unique_ptr<ElasticAlignment> alignment_;  ///< of the best
+  VertexMap coarse_map_;                         ///< the best as it was chosen
   Correspondence result_;
 };
 
 }  // namespace
-
-const char* StageName(Stage stage) {
-  switch (stage) {
-    case Stage::kPrepare:
-      return "prepare";
-    case Stage::kGeodesics:
-      return "geodesics";
-    case Stage::kSpectral:
-      return "spectral bases";
-    case Stage::kSeeds:
-      return "seeds";
-    case Stage::kFirstInsertion:
-      return "first insertion";
-    case Stage::kSecondInsertion:
-      return "second insertion";
-    case Stage::kFinalSwapping:
-      return "final swapping";
-    case Stage::kDense:
-      return "dense map";
-    case Stage::kZoomOut:
-      return "zoomout";
-    case Stage::kQuality:
-      return "quality";
-  }
-  return "unknown";
-}
-
-absl::Status ValidateLandmarks(absl::Span<const Landmark> landmarks,
-                               std::int64_t vertices_x,
-                               std::int64_t vertices_y) {
-  std::unordered_map<VertexIndex, std::size_t> first_x;
-  std::unordered_map<VertexIndex, std::size_t> first_y;
-  const auto check = [](std::size_t i, const char* field, VertexIndex vertex,
-                        std::int64_t vertices,
-                        std::unordered_map<VertexIndex, std::size_t>* first) {
-    if (vertex < 0 || vertex >= vertices) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("landmarks[", i, "].", field, ": ", vertex,
-                       ", expected 0 to ", vertices - 1));
-    }
-    const auto [it, is_new] = first->try_emplace(vertex, i);
-    if (is_new) return absl::OkStatus();
-    return absl::InvalidArgumentError(
-        absl::StrCat("landmarks[", i, "].", field, ": vertex ", vertex,
-                     " is already matched by landmarks[", it->second,
-                     "], expected each vertex at most once"));
-  };
-  for (std::size_t i = 0; i < landmarks.size(); ++i) {
-    ISOMATCH_RETURN_IF_ERROR(
-        check(i, "x", landmarks[i].x, vertices_x, &first_x));
-    ISOMATCH_RETURN_IF_ERROR(
-        check(i, "y", landmarks[i].y, vertices_y, &first_y));
-  }
-  return absl::OkStatus();
-}
 
 absl::StatusOr<Correspondence> Match(const TriangleMesh& mesh_x,
                                      const TriangleMesh& mesh_y,

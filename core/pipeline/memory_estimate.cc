@@ -7,6 +7,7 @@
 #include "core/geodesic/basis_points.h"
 #include "core/matching/closeness.h"
 #include "core/pipeline/matcher.h"
+#include "core/pipeline/stage_plan.h"
 
 namespace isomatch {
 namespace {
@@ -28,6 +29,7 @@ struct ShapeBytes {
   double pool;           ///< closeness table and frames of the first stage
   double dense_columns;  ///< closeness of every vertex to the sparse matches
   double zoomout;        ///< single-precision bases
+  double alignment;      ///< features, factor, rotations, normals
 };
 
 int FirstStageMatches(std::int64_t num_landmarks, const MatchOptions& options) {
@@ -62,10 +64,10 @@ ShapeBytes BytesOf(MeshSize mesh, std::int64_t num_landmarks,
   const double basis = BasisPoints::DefaultCount(
       static_cast<VertexIndex>(std::min<std::int64_t>(mesh.vertices, 1 << 30)));
   const double pool = PoolSize(mesh, num_landmarks, options);
-  const double count = std::min<double>(options.zoomout_end, n);
+  const double count = std::min<double>(SpectralCount(options), n);
   const bool tabulated = pool <= PointPool::kMaxTabulated;
   ShapeBytes bytes;
-  bytes.working = 160 * n + 150 * m;
+  bytes.working = 280 * n + 150 * m;
   bytes.stencils = 420 * n + 450 * m;
   bytes.fields = 4 * n * basis;
   bytes.lanczos = count > 0 ? LanczosBytes(n, m, count) : 0;
@@ -75,6 +77,11 @@ ShapeBytes BytesOf(MeshSize mesh, std::int64_t num_landmarks,
                             ? 4 * n * FirstStageMatches(num_landmarks, options)
                             : 0;
   bytes.zoomout = 2 * 4 * n * count;
+  // Two alignments at once: the best yet and the one under judgement.
+  bytes.alignment = options.alignment_rounds > 0
+                        ? 2 * (4 * n * (count + 6) + 1200 * n + 40 * m +
+                               12 * n * 3 * std::log2(std::max(n, 2.0)))
+                        : 0;
   return bytes;
 }
 
@@ -117,13 +124,15 @@ std::int64_t EstimateMemoryBytes(MeshSize x, MeshSize y,
           ? 160 * n
           : 0;
   const double peak = std::max({
-      // Geodesics; Spectral; Seeds and FirstInsertion; Dense; ZoomOut.
+      // Geodesics; Spectral; Seeds and FirstInsertion; Dense; ZoomOut;
+      // Choice and Alignment.
       fields + both(&ShapeBytes::stencils) + kWorkspacePerVertex * n * threads,
       fields + both(&ShapeBytes::lanczos),
       late + both(&ShapeBytes::pool) + environments +
           MatchingBytes(x, y, num_landmarks, options, threads),
       late + both(&ShapeBytes::dense_columns) + environments,
       late + both(&ShapeBytes::zoomout),
+      late + both(&ShapeBytes::zoomout) + both(&ShapeBytes::alignment),
   });
   constexpr double kLargest = 9e18;
   return static_cast<std::int64_t>(std::min(peak + kFixed, kLargest));

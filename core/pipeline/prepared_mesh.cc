@@ -12,8 +12,6 @@
 #include "core/mesh/clean_mesh.h"
 #include "core/mesh/mesh_geometry.h"
 #include "core/mesh/topology.h"
-#include "core/spectral/cotan_laplacian.h"
-#include "core/spectral/mean_curvature.h"
 
 namespace isomatch {
 namespace {
@@ -162,15 +160,24 @@ absl::StatusOr<GeodesicHash> HashGeodesics(
   return hash;
 }
 
-absl::StatusOr<SpectralBasis> PrepareSpectralBasis(
-    const WorkingMesh& working, int count, const std::stop_token& stop) {
-  return ComputeSpectralBasis(BuildCotanLaplacian(working.mesh), count, stop);
-}
-
-absl::StatusOr<Eigen::VectorXd> PrepareCurvature(const WorkingMesh& working,
-                                                 double radius) {
-  return SmoothedMeanCurvature(BuildCotanLaplacian(working.mesh),
-                               working.mesh.positions, working.normals, radius);
+std::vector<VertexIndex> PoolVertices(const GeodesicHash& hash, int pool_size,
+                                      const std::vector<VertexIndex>& extra) {
+  const VertexIndex n = hash.basis.num_vertices();
+  std::vector<VertexIndex> vertices = hash.farthest_points;
+  if (pool_size > 0 && vertices.size() > static_cast<std::size_t>(pool_size)) {
+    vertices.resize(pool_size);
+  }
+  std::vector<char> is_in(n, false);
+  for (const VertexIndex v : vertices) is_in[v] = true;
+  const auto add = [&](VertexIndex v) {
+    if (!is_in[v]) vertices.push_back(v);
+    is_in[v] = true;
+  };
+  for (const VertexIndex v : extra) add(v);
+  if (pool_size == 0) {
+    for (VertexIndex v = 0; v < n; ++v) add(v);
+  }
+  return vertices;
 }
 
 }  // namespace isomatch

@@ -10,7 +10,6 @@
 #include "core/geodesic/basis_points.h"
 #include "core/geodesic/distance_field_solver.h"
 #include "core/mesh/triangle_mesh.h"
-#include "core/spectral/spectral_basis.h"
 
 namespace isomatch {
 
@@ -52,14 +51,9 @@ absl::StatusOr<GeodesicHash> HashGeodesics(
     const WorkingMesh& working, int num_points,
     const std::function<void(double)>& progress, const std::stop_token& stop);
 
-/// The `count` lowest Laplace-Beltrami eigenpairs.
-absl::StatusOr<SpectralBasis> PrepareSpectralBasis(const WorkingMesh& working,
-                                                   int count,
-                                                   const std::stop_token& stop);
-
-/// Mean curvature at each vertex (core/spectral/mean_curvature.h), 1 /
-/// sqrt(area).
-absl::StatusOr<Eigen::VectorXd> PrepareCurvature(const WorkingMesh& working,
-                                                 double radius);
+/// Vertices of a pool: the first `pool_size` farthest points (all vertices when
+/// 0), then those of `extra` that are not among them.
+std::vector<VertexIndex> PoolVertices(const GeodesicHash& hash, int pool_size,
+                                      const std::vector<VertexIndex>& extra);
 
 }  // namespace isomatch

@@ -11,17 +11,47 @@
 namespace isomatch {
 namespace {
 
-// The enums of core, of the records and of the proto count alike.
-static_assert(static_cast<int>(Stage::kPrepare) + 1 == v1::STAGE_PREPARE);
-static_assert(static_cast<int>(Stage::kQuality) + 1 == v1::STAGE_QUALITY);
+// These enums of core, of the records and of the proto count alike.
 static_assert(static_cast<int>(Profile::kDefault) + 1 == v1::PROFILE_DEFAULT);
 static_assert(static_cast<int>(Profile::kPaper) + 1 == v1::PROFILE_PAPER);
 static_assert(static_cast<int>(JobState::kQueued) == v1::Job::STATE_QUEUED);
 static_assert(static_cast<int>(JobState::kCancelled) ==
               v1::Job::STATE_CANCELLED);
+static_assert(static_cast<int>(ResultPart::kMap) == v1::RESULT_PART_MAP);
+static_assert(static_cast<int>(ResultPart::kFunctionalMap) ==
+              v1::RESULT_PART_FUNCTIONAL_MAP);
 
+// The stages do not: core numbers them in the order they run, which changes;
+// the numbers of the proto never do.
 v1::Stage StageToProto(std::int32_t stage) {
-  return static_cast<v1::Stage>(stage + 1);  // kNoStage: STAGE_UNSPECIFIED
+  if (stage == kNoStage) return v1::STAGE_UNSPECIFIED;
+  switch (static_cast<Stage>(stage)) {
+    case Stage::kPrepare:
+      return v1::STAGE_PREPARE;
+    case Stage::kGeodesics:
+      return v1::STAGE_GEODESICS;
+    case Stage::kSpectral:
+      return v1::STAGE_SPECTRAL;
+    case Stage::kSeeds:
+      return v1::STAGE_SEEDS;
+    case Stage::kFirstInsertion:
+      return v1::STAGE_FIRST_INSERTION;
+    case Stage::kSecondInsertion:
+      return v1::STAGE_SECOND_INSERTION;
+    case Stage::kFinalSwapping:
+      return v1::STAGE_FINAL_SWAPPING;
+    case Stage::kDense:
+      return v1::STAGE_DENSE;
+    case Stage::kZoomOut:
+      return v1::STAGE_ZOOMOUT;
+    case Stage::kChoice:
+      return v1::STAGE_CHOICE;
+    case Stage::kAlignment:
+      return v1::STAGE_ALIGNMENT;
+    case Stage::kQuality:
+      return v1::STAGE_QUALITY;
+  }
+  return v1::STAGE_UNSPECIFIED;  // not reached
 }
 
 void SetTime(absl::Time time, google::protobuf::Timestamp* timestamp) {
@@ -61,16 +91,66 @@ void SetSummary(const MeshSummary& summary, v1::MeshSummary& proto) {
                                 summary.warnings.end());
 }
 
+void SetScores(const StoredScores& scores, v1::MapScores& proto) {
+  proto.set_embedding_error(scores.embedding_error);
+  proto.set_orientation_score(scores.orientation_score);
+  proto.set_curvature_mismatch(scores.curvature_mismatch);
+  proto.set_normal_mismatch(scores.normal_mismatch);
+  proto.set_stretch(scores.stretch);
+  proto.set_landmark_contradiction(scores.landmark_contradiction);
+  proto.set_rank_value(scores.rank_value);
+}
+
+void SetQuality(const StoredQuality& quality, v1::MapQuality& proto) {
+  proto.set_geodesic_distortion(quality.geodesic_distortion);
+  proto.set_coverage(quality.coverage);
+  proto.set_area_distortion(quality.area_distortion);
+  proto.set_mean_confidence(quality.mean_confidence);
+}
+
+void SetLandmark(const StoredLandmark& stored, v1::LandmarkOutcome& proto) {
+  proto.mutable_landmark()->set_x(
+      static_cast<std::uint32_t>(stored.landmark.x));
+  proto.mutable_landmark()->set_y(
+      static_cast<std::uint32_t>(stored.landmark.y));
+  proto.set_kept(stored.kept);
+  proto.set_y_found(static_cast<std::uint32_t>(stored.y_found));
+  proto.set_distance(stored.distance);
+}
+
+void SetPart(const StoredPart& part, v1::ResultPartInfo& proto) {
+  proto.set_part(static_cast<v1::ResultPart>(part.part));
+  proto.mutable_digest()->set_sha256(part.sha256);
+  proto.mutable_digest()->set_size_bytes(
+      static_cast<std::uint64_t>(part.bytes));
+}
+
+/// What is said about the map, beside what is said about the run.
+void SetAssessment(const JobResult& result, v1::ResultInfo& proto) {
+  proto.set_embedding_error(result.scores.embedding_error);
+  proto.set_objective(result.objective);
+  proto.set_orientation_score(result.scores.orientation_score);
+  SetScores(result.scores, *proto.mutable_scores());
+  SetQuality(result.quality, *proto.mutable_quality());
+  proto.set_symmetry_confidence(result.symmetry_confidence);
+  for (const StoredScores& scores : result.alternatives) {
+    SetScores(scores, *proto.add_alternatives()->mutable_scores());
+  }
+  for (const StoredLandmark& landmark : result.landmarks) {
+    SetLandmark(landmark, *proto.add_landmarks());
+  }
+}
+
 void SetResult(const JobResult& result, v1::ResultInfo& proto) {
   SetSummary(result.mesh_x, *proto.mutable_mesh_x());
   SetSummary(result.mesh_y, *proto.mutable_mesh_y());
-  proto.mutable_digest()->set_sha256(result.map_sha256);
-  proto.mutable_digest()->set_size_bytes(
-      static_cast<std::uint64_t>(result.map_bytes));
+  for (const StoredPart& part : result.parts) {
+    SetPart(part, *proto.add_parts());
+    if (part.part != ResultPart::kMap) continue;
+    *proto.mutable_digest() = proto.parts().rbegin()->digest();
+  }
   proto.set_unmatched(static_cast<std::uint32_t>(result.unmatched));
-  proto.set_embedding_error(result.embedding_error);
-  proto.set_objective(result.objective);
-  proto.set_orientation_score(result.orientation_score);
+  SetAssessment(result, proto);
   for (const StageSeconds& time : result.stage_times) {
     v1::StageTime& added = *proto.add_stage_times();
     added.set_stage(StageToProto(time.stage));
@@ -109,6 +189,14 @@ absl::StatusOr<JobState> ParseJobState(int state, const std::string& field) {
     return InvalidField(field, absl::StrCat(state, ", expected a Job.State"));
   }
   return static_cast<JobState>(state);
+}
+
+absl::StatusOr<ResultPart> ParseResultPart(int part, const std::string& field) {
+  if (part == v1::RESULT_PART_UNSPECIFIED) return ResultPart::kMap;
+  if (!v1::ResultPart_IsValid(part)) {
+    return InvalidField(field, absl::StrCat(part, ", expected a ResultPart"));
+  }
+  return static_cast<ResultPart>(part);
 }
 
 }  // namespace isomatch

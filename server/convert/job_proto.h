@@ -13,4 +13,8 @@ v1::Job ToProto(const JobSnapshot& snapshot);
 /// Returns the state; INVALID_ARGUMENT on `field` when it is not one.
 absl::StatusOr<JobState> ParseJobState(int state, const std::string& field);
 
+/// Returns the part, the map for UNSPECIFIED; INVALID_ARGUMENT on `field` when
+/// it is none.
+absl::StatusOr<ResultPart> ParseResultPart(int part, const std::string& field);
+
 }  // namespace isomatch

@@ -153,6 +153,8 @@ absl::Status ParseOptions(const v1::MatchOptions& proto, int threads_per_job,
   spec.options =
       MatchOptions::ForProfile(paper ? Profile::kPaper : Profile::kDefault);
   spec.options.random_seed = proto.random_seed();
+  spec.options.landmarks_exact = proto.landmarks_exact();
+  spec.options.keep_functional_map = proto.functional_map();
   const int threads = static_cast<int>(proto.threads());
   spec.options.threads =
       threads == 0 ? threads_per_job : std::min(threads, threads_per_job);

@@ -189,6 +189,15 @@ absl::Status JobNotFound(const std::string& id) {
               {{"job", absl::StrCat("jobs/", id)}});
 }
 
+absl::Status ResultPartMissing(const std::string& id, ResultPart part) {
+  const std::string name = ResultPartName(part);
+  return WithField(
+      Make(absl::StatusCode::kNotFound, "RESULT_PART_MISSING",
+           absl::StrCat("the result of jobs/", id, " has no part ", name),
+           {{"job", absl::StrCat("jobs/", id)}, {"part", name}}),
+      "part");
+}
+
 absl::Status RequestIdReused(const std::string& request_id) {
   return WithField(Make(absl::StatusCode::kAlreadyExists, "REQUEST_ID_REUSED",
                         absl::StrCat("request_id ", request_id,
@@ -200,7 +209,7 @@ absl::Status RequestIdReused(const std::string& request_id) {
 absl::Status OffsetOutOfRange(std::uint64_t offset, std::int64_t size_bytes) {
   return WithField(Make(absl::StatusCode::kOutOfRange, "OFFSET_OUT_OF_RANGE",
                         absl::StrCat("offset ", offset, " is past the ",
-                                     size_bytes, " bytes of the map"),
+                                     size_bytes, " bytes of the part"),
                         {{"offset", absl::StrCat(offset)},
                          {"size_bytes", absl::StrCat(size_bytes)}}),
                    "offset");

@@ -63,15 +63,18 @@ std::vector<JobSnapshot> JobManager::List(const JobFilter& filter) const {
   return snapshots;
 }
 
-absl::StatusOr<JobMap> JobManager::GetMap(const std::string& id) const {
+absl::StatusOr<JobPart> JobManager::GetPart(const std::string& id,
+                                            ResultPart part) const {
   auto record = parts_.jobs->Get(id);
   if (!record) return JobNotFound(id);
   if (record->state != JobState::kSucceeded) {
     return JobHasNoResult(id, record->state);
   }
-  BlobStore::Blob bytes = parts_.blobs->Get(record->result->map_sha256);
+  const StoredPart* const stored = FindPart(*record->result, part);
+  if (stored == nullptr) return ResultPartMissing(id, part);
+  BlobStore::Blob bytes = parts_.blobs->Get(stored->sha256);
   if (bytes == nullptr) return JobNotFound(id);  // deleted a moment ago
-  return JobMap{*std::move(record), std::move(bytes)};
+  return JobPart{*record->result, *stored, std::move(bytes)};
 }
 
 JobManager::Load JobManager::load() const {
@@ -246,10 +249,7 @@ void JobManager::Finish(const std::string& id,
 
 absl::Status JobManager::Succeed(const std::string& id, RunOutcome outcome) {
   JobResult& result = outcome.result;
-  result.map_sha256 = Sha256Hex(outcome.map);
-  result.map_bytes = static_cast<std::int64_t>(outcome.map.size());
-  ISOMATCH_RETURN_IF_ERROR(parts_.blobs->Put(
-      result.map_sha256, std::move(outcome.map), Keep::kPinned));
+  ISOMATCH_RETURN_IF_ERROR(StoreParts(std::move(outcome.parts), result));
   const absl::Status moved =
       Move(id, JobState::kSucceeded, [&](JobRecord& record) {
         record.result = result;
@@ -257,8 +257,24 @@ absl::Status JobManager::Succeed(const std::string& id, RunOutcome outcome) {
         record.progress.total_fraction = 1;
         return absl::OkStatus();
       });
-  if (!moved.ok()) parts_.blobs->Unpin(result.map_sha256);
+  if (!moved.ok()) UnpinParts(result);
   return moved;
+}
+
+absl::Status JobManager::StoreParts(std::vector<EncodedPart> parts,
+                                    JobResult& result) {
+  for (EncodedPart& part : parts) {
+    StoredPart stored{part.part, Sha256Hex(part.bytes),
+                      static_cast<std::int64_t>(part.bytes.size())};
+    const absl::Status put =
+        parts_.blobs->Put(stored.sha256, std::move(part.bytes), Keep::kPinned);
+    if (!put.ok()) {
+      UnpinParts(result);
+      return OutOfMemory();
+    }
+    result.parts.push_back(std::move(stored));
+  }
+  return absl::OkStatus();
 }
 
 void JobManager::Fail(const std::string& id, const absl::Status& error) {
@@ -408,9 +424,13 @@ absl::StatusOr<JobRecord> JobManager::Change(const std::string& id,
   }
 }
 
+void JobManager::UnpinParts(const JobResult& result) {
+  for (const StoredPart& part : result.parts) parts_.blobs->Unpin(part.sha256);
+}
+
 void JobManager::Forget(const std::vector<JobRecord>& removed) {
   for (const JobRecord& record : removed) {
-    if (record.result) parts_.blobs->Unpin(record.result->map_sha256);
+    if (record.result) UnpinParts(*record.result);
   }
 }
 

@@ -30,9 +30,11 @@ struct JobSnapshot {
   int queue_position = 0;
 };
 
-/// A result that can be downloaded.
-struct JobMap {
-  JobRecord record;
+/// A part of a result, to be downloaded.
+struct JobPart {
+  /// Of the whole result.
+  JobResult result;
+  StoredPart part;
   BlobStore::Blob bytes;
 };
 
@@ -118,8 +120,9 @@ class JobManager {
   /// Forgets a terminal job. NOT_FOUND; FAILED_PRECONDITION (JOB_NOT_TERMINAL).
   absl::Status Delete(const std::string& id);
 
-  /// Returns the map. NOT_FOUND; FAILED_PRECONDITION (JOB_NOT_SUCCEEDED).
-  absl::StatusOr<JobMap> GetMap(const std::string& id) const;
+  /// Returns a part of the result. NOT_FOUND (JOB_NOT_FOUND,
+  /// RESULT_PART_MISSING); FAILED_PRECONDITION (JOB_NOT_SUCCEEDED).
+  absl::StatusOr<JobPart> GetPart(const std::string& id, ResultPart part) const;
 
   /// Who is told of changes; see there.
   Watchers& watchers() { return watchers_; }
@@ -152,6 +155,7 @@ class JobManager {
   void ReportProgress(const std::string& id, const JobProgress& progress);
   void Finish(const std::string& id, absl::StatusOr<RunOutcome> outcome);
   absl::Status Succeed(const std::string& id, RunOutcome outcome);
+  absl::Status StoreParts(std::vector<EncodedPart> parts, JobResult& result);
   void Fail(const std::string& id, const absl::Status& error);
   void ReleaseSlot(std::shared_ptr<LiveJob> live);
 
@@ -171,6 +175,9 @@ class JobManager {
   absl::Status Move(const std::string& id, JobState to, const Edit& edit);
 
   JobSnapshot SnapshotOf(JobRecord record) const;
+
+  /// Lets go of the parts that StoreParts stored.
+  void UnpinParts(const JobResult& result);
 
   /// Lets go of the results of jobs that are gone.
   void Forget(const std::vector<JobRecord>& removed);

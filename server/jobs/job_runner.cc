@@ -70,17 +70,52 @@ class RunMeter {
   std::int64_t peak_resident_bytes_ = 0;
 };
 
-std::string EncodeMap(const VertexMap& y_from_x) {
-  constexpr size_t kEntryBytes = 4;
-  std::string bytes;
-  bytes.reserve(y_from_x.size() * kEntryBytes);
-  for (const VertexIndex y : y_from_x) {
-    const auto value = static_cast<std::uint32_t>(y);  // kNoVertex: 0xFFFFFFFF
-    for (size_t i = 0; i < kEntryBytes; ++i) {
-      bytes.push_back(static_cast<char>(value >> (8 * i) & 0xFF));
-    }
+StoredScores ToStored(const MapScores& scores) {
+  return {.embedding_error = scores.embedding_error,
+          .orientation_score = scores.orientation_score,
+          .curvature_mismatch = scores.curvature_mismatch,
+          .normal_mismatch = scores.normal_mismatch,
+          .stretch = scores.stretch,
+          .landmark_contradiction = scores.landmark_contradiction,
+          .rank_value = scores.rank_value};
+}
+
+/// Over the vertices that have an image.
+double MeanConfidence(const Correspondence& found) {
+  double sum = 0;
+  std::int64_t matched = 0;
+  for (size_t x = 0; x < found.confidence.size(); ++x) {
+    if (found.y_from_x[x] == kNoVertex) continue;
+    sum += found.confidence[x];
+    ++matched;
   }
-  return bytes;
+  return matched == 0 ? 0 : sum / static_cast<double>(matched);
+}
+
+StoredQuality QualityOf(const Correspondence& found) {
+  return {.geodesic_distortion = found.quality.geodesic_distortion,
+          .coverage = found.quality.coverage,
+          .area_distortion = found.quality.area_distortion,
+          .mean_confidence = MeanConfidence(found)};
+}
+
+std::vector<StoredScores> AlternativesOf(const Correspondence& found) {
+  std::vector<StoredScores> scores;
+  for (const Alternative& alternative : found.alternatives) {
+    scores.push_back(ToStored(alternative.scores));
+  }
+  return scores;
+}
+
+std::vector<StoredLandmark> LandmarksOf(const JobSpec& spec,
+                                        const Correspondence& found) {
+  std::vector<StoredLandmark> stored;
+  for (size_t i = 0; i < found.landmarks.size(); ++i) {
+    const LandmarkOutcome& outcome = found.landmarks[i];
+    stored.push_back(
+        {spec.landmarks[i], outcome.kept, outcome.y_found, outcome.distance});
+  }
+  return stored;
 }
 
 JobResult Summarize(const JobSpec& spec, Correspondence found) {
@@ -91,9 +126,12 @@ JobResult Summarize(const JobSpec& spec, Correspondence found) {
                    found.area_y, std::move(found.warnings_y)};
   result.unmatched =
       std::count(found.y_from_x.begin(), found.y_from_x.end(), kNoVertex);
-  result.embedding_error = found.embedding_error;
+  result.scores = ToStored(found.scores);
+  result.quality = QualityOf(found);
+  result.symmetry_confidence = found.symmetry_confidence;
+  result.alternatives = AlternativesOf(found);
+  result.landmarks = LandmarksOf(spec, found);
   result.objective = found.objective;
-  result.orientation_score = found.orientation_score;
   result.warnings = spec.warnings;
   result.warnings.insert(result.warnings.end(), found.warnings.begin(),
                          found.warnings.end());
@@ -132,7 +170,7 @@ absl::StatusOr<RunOutcome> JobRunner::Run(const JobSpec& spec,
             [&](const Progress& progress) { meter.OnProgress(progress); },
             stop));
     RunOutcome outcome;
-    outcome.map = EncodeMap(found.y_from_x);
+    outcome.parts = EncodeParts(found);
     outcome.result = Summarize(spec, std::move(found));
     meter.Finish(outcome.result);
     return outcome;

@@ -4,19 +4,21 @@
 #include <functional>
 #include <stop_token>
 #include <string>
+#include <vector>
 
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "server/jobs/job_spec.h"
 #include "server/jobs/match_engine.h"
+#include "server/jobs/result_parts.h"
 #include "server/storage/job_record.h"
 
 namespace isomatch {
 
 /// What a job that succeeded leaves behind.
 struct RunOutcome {
-  /// A little-endian uint32 for each vertex of X, 0xFFFFFFFF for no match.
-  std::string map;
+  std::vector<EncodedPart> parts;
+  /// Without its `parts`, which whoever stores them fills in.
   JobResult result;
 };
 
@@ -39,7 +41,7 @@ class JobRunner {
   /// Landmarks that are in range and do not contradict each other.
   absl::Status ValidateLandmarks(const JobSpec& spec) const;
 
-  /// Returns map and figures. CANCELLED once `stop` is requested;
+  /// Returns the parts and the figures. CANCELLED once `stop` is requested;
   /// RESOURCE_EXHAUSTED (OUT_OF_MEMORY) when an allocation failed.
   absl::StatusOr<RunOutcome> Run(const JobSpec& spec,
                                  const OnProgress& on_progress,

@@ -7,7 +7,8 @@
 
 namespace isomatch {
 
-/// Streams a job's map: the header, then chunks from the offset on.
+/// Streams a part of a job's result: the header, then chunks from the offset
+/// on.
 grpc::ServerWriteReactor<v1::DownloadResultResponse>* StartDownloadResult(
     const ServiceContext& context, const v1::DownloadResultRequest& request);
 

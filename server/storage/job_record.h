@@ -8,6 +8,7 @@
 
 #include "absl/status/status.h"
 #include "absl/time/time.h"
+#include "core/base/vertex_index.h"
 
 namespace isomatch {
 
@@ -62,17 +63,73 @@ struct MeshSummary {
   std::vector<std::string> warnings;
 };
 
-/// All about a result but the map itself, which is in the blob store.
+/// The parts that a result can have; server/jobs/result_parts.h tells what
+/// their bytes are. The values go to disk and never change.
+enum class ResultPart : std::int32_t {
+  kMap = 1,             ///< every result has it
+  kPreciseMap = 2,      ///< points between the vertices of Y
+  kConfidence = 3,      ///< of each vertex's image
+  kAlternativeMap = 4,  ///< the best of the maps that were not chosen
+  kFunctionalMap = 5,   ///< on request
+};
+
+/// "MAP", "PRECISE_MAP", ...
+inline const char* ResultPartName(ResultPart part) {
+  constexpr const char* kNames[] = {"UNSPECIFIED",     "MAP",
+                                    "PRECISE_MAP",     "CONFIDENCE",
+                                    "ALTERNATIVE_MAP", "FUNCTIONAL_MAP"};
+  return kNames[static_cast<int>(part)];
+}
+
+/// A part whose bytes are in the blob store.
+struct StoredPart {
+  ResultPart part = ResultPart::kMap;
+  std::string sha256;
+  std::int64_t bytes = 0;
+};
+
+// Copies of core/pipeline's MapScores, MapQuality and LandmarkOutcome, which
+// this layer does not know; the fields mean the same.
+
+struct StoredScores {
+  double embedding_error = 0;
+  double orientation_score = 0;
+  double curvature_mismatch = 0;
+  double normal_mismatch = 0;
+  double stretch = 0;
+  double landmark_contradiction = 0;
+  double rank_value = 0;
+};
+
+struct StoredQuality {
+  double geodesic_distortion = 0;
+  double coverage = 0;
+  double area_distortion = 0;
+  /// Over the vertices that have an image; 0 when not known.
+  double mean_confidence = 0;
+};
+
+struct StoredLandmark {
+  VertexMatch landmark = {};
+  bool kept = true;
+  VertexIndex y_found = kNoVertex;
+  double distance = 0;
+};
+
+/// All about a result but its parts' bytes.
 struct JobResult {
   MeshSummary mesh_x;
   MeshSummary mesh_y;
-  /// Of the map's bytes: a little-endian uint32 for each vertex of X.
-  std::string map_sha256;
-  std::int64_t map_bytes = 0;
+  /// By increasing number, the map first.
+  std::vector<StoredPart> parts;
   std::int64_t unmatched = 0;
-  double embedding_error = 0;  ///< Eq. 8, mean over pairs
-  double objective = 0;        ///< Eq. 4, mean over pairs
-  double orientation_score = 0;
+  StoredScores scores;
+  StoredQuality quality;
+  double symmetry_confidence = 1;
+  /// Scores of the maps that were not chosen, best first.
+  std::vector<StoredScores> alternatives;
+  std::vector<StoredLandmark> landmarks;
+  double objective = 0;  ///< Eq. 4, mean over pairs
   std::vector<StageSeconds> stage_times;
   double run_seconds = 0;
   std::int64_t peak_resident_bytes = 0;
@@ -80,6 +137,14 @@ struct JobResult {
   std::int32_t profile = 0;  ///< the number of core/pipeline's Profile
   std::uint64_t random_seed = 0;
 };
+
+/// Returns the part, or null when the result has none of that kind.
+inline const StoredPart* FindPart(const JobResult& result, ResultPart part) {
+  for (const StoredPart& stored : result.parts) {
+    if (stored.part == part) return &stored;
+  }
+  return nullptr;
+}
 
 /// All that is remembered of a job. Meshes are not.
 struct JobRecord {

@@ -47,8 +47,8 @@ class JobStore {
   virtual absl::StatusOr<JobRecord> Delete(const std::string& id) = 0;
 
   /// Removes terminal jobs, the first that became so first, until at most
-  /// `max_jobs` of them with `max_result_bytes` of results are left. Returns
-  /// the removed.
+  /// `max_jobs` of them with `max_result_bytes` of results are left; never the
+  /// last, however large its result. Returns the removed.
   virtual std::vector<JobRecord> Prune(int max_jobs,
                                        std::int64_t max_result_bytes) = 0;
 };

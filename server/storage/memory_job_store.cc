@@ -13,7 +13,10 @@ absl::Status NotFound(const std::string& id) {
 }
 
 std::int64_t ResultBytes(const JobRecord& record) {
-  return record.result ? record.result->map_bytes : 0;
+  std::int64_t bytes = 0;
+  if (!record.result) return bytes;
+  for (const StoredPart& part : record.result->parts) bytes += part.bytes;
+  return bytes;
 }
 
 bool HasState(const JobRecord& record, const std::vector<JobState>& states) {
@@ -103,7 +106,7 @@ std::vector<JobRecord> MemoryJobStore::Prune(int max_jobs,
                                              std::int64_t max_result_bytes) {
   std::vector<JobRecord> removed;
   MutexLock lock(mutex_);
-  while (!terminal_.empty() &&
+  while (terminal_.size() > 1 &&
          (terminal_.size() > static_cast<size_t>(max_jobs) ||
           result_bytes_ > max_result_bytes)) {
     removed.push_back(Remove(records_.find(terminal_.begin()->second)));

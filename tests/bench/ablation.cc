@@ -15,11 +15,12 @@ constexpr Row kRows[] = {{"no swapping", Swapping::kNone},
                          {"greedy", Swapping::kGreedy},
                          {"annealed", Swapping::kAnnealed}};
 
-/// Mean error of the map just before ZoomOut, or of the final one.
-StageError BeforeZoomOut(const std::vector<StageError>& stages) {
+/// Mean error of the map just before ZoomOut or the elastic alignment, or of
+/// the final one.
+StageError BeforeRefinement(const std::vector<StageError>& stages) {
   StageError before = stages.back();
   for (const StageError& stage : stages) {
-    if (stage.stage == Stage::kZoomOut) break;
+    if (stage.stage >= Stage::kZoomOut) break;
     before = stage;
   }
   return before;
@@ -33,8 +34,8 @@ absl::Status RunAblation(const PairSelection& pairs,
       "%s profile, mean error / diameter over the pairs, direct (best "
       "of truth and mirrored truth)\n",
       ProfileName(options.profile));
-  std::printf("%-14s %-18s %-18s %-18s %s\n", "", "first stage", "w/o ZoomOut",
-              "with ZoomOut", "mirrored, failed");
+  std::printf("%-14s %-18s %-18s %-18s %s\n", "", "first stage",
+              "w/o refinement", "refined", "mirrored, failed");
   for (const Row& row : kRows) {
     MatchOptions variant = options;
     variant.swapping = row.swapping;
@@ -43,7 +44,7 @@ absl::Status RunAblation(const PairSelection& pairs,
         RunPairs(pairs.dir, pairs.filter, pairs.true_landmarks, variant,
                  [](const PairResult&) {}));
     const std::vector<StageError> stages = StageMeans(results);
-    const StageError before = BeforeZoomOut(stages);
+    const StageError before = BeforeRefinement(stages);
     const Summary summary = Summarise(results);
     std::printf("%-14s %.4f (%.4f)    %.4f (%.4f)    %.4f (%.4f)    %d, %d\n",
                 row.name, stages.front().direct, stages.front().best,

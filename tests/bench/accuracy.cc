@@ -13,13 +13,15 @@ namespace isomatch::bench {
 namespace {
 
 void PrintPair(const PairResult& result) {
-  std::printf("%-24s %-24s %7d %7d %8.4f %8.4f  %-8s %7.2f  %+.2f  %.5f\n",
-              result.name_x.c_str(), result.name_y.c_str(), result.vertices_x,
-              result.vertices_y, result.direct(), result.best(),
-              result.failed()     ? (result.mirrored() ? "MIRRORED" : "FAILED")
-              : result.mirrored() ? "mirrored"
-                                  : "ok",
-              result.seconds, result.orientation_score, result.embedding_error);
+  std::printf(
+      "%-24s %-24s %7d %7d %8.4f %8.4f  %-8s %7.2f  %+.2f  %.5f  %.2f\n",
+      result.name_x.c_str(), result.name_y.c_str(), result.vertices_x,
+      result.vertices_y, result.direct(), result.best(),
+      result.failed()     ? (result.mirrored() ? "MIRRORED" : "FAILED")
+      : result.mirrored() ? "mirrored"
+                          : "ok",
+      result.seconds, result.orientation_score, result.embedding_error,
+      result.symmetry_confidence);
   std::fflush(stdout);
 }
 
@@ -36,6 +38,22 @@ void PrintSummary(const std::vector<PairResult>& results) {
       results.size(), summary.direct_mean, summary.direct_median,
       summary.best_mean, summary.best_median, summary.mirrored, summary.failed,
       kFailed, summary.seconds_mean);
+}
+
+void PrintConfidence(const std::vector<PairResult>& results) {
+  const ConfidenceCurve curve = CurveOf(results);
+  std::printf(
+      "\nshare of the total error held by the least confident "
+      "vertices (by the worst ones: the most possible)\n");
+  for (std::size_t i = 0; i < curve.held.size(); ++i) {
+    std::printf("  %2.0f %%  %.3f (%.3f)\n", 100 * curve.kFractions[i],
+                curve.held[i], curve.most[i]);
+  }
+  std::printf("mean error / diameter by tenth of confidence:");
+  for (std::size_t i = 0; i < curve.errors.size(); ++i) {
+    std::printf(" %.2f:%.4f", curve.confidences[i], curve.errors[i]);
+  }
+  std::printf("\n");
 }
 
 nlohmann::json ToJson(const PairResult& result) {
@@ -56,6 +74,7 @@ nlohmann::json ToJson(const PairResult& result) {
           {"seconds", result.seconds},
           {"embedding_error", result.embedding_error},
           {"orientation_score", result.orientation_score},
+          {"symmetry_confidence", result.symmetry_confidence},
           {"stages", std::move(stages)}};
 }
 
@@ -64,6 +83,7 @@ nlohmann::json ToJson(const std::vector<PairResult>& results,
   const Summary summary = Summarise(results);
   nlohmann::json pairs = nlohmann::json::array();
   for (const PairResult& result : results) pairs.push_back(ToJson(result));
+  const ConfidenceCurve curve = CurveOf(results);
   return {{"profile", ProfileName(options.profile)},
           {"random_seed", options.random_seed},
           {"unit", "mean geodesic error / diameter of Y"},
@@ -74,6 +94,12 @@ nlohmann::json ToJson(const std::vector<PairResult>& results,
           {"mirrored", summary.mirrored},
           {"failed", summary.failed},
           {"seconds_mean", summary.seconds_mean},
+          {"confidence",
+           {{"fractions", curve.kFractions},
+            {"held", curve.held},
+            {"most", curve.most},
+            {"mean_error_by_tenth", curve.errors},
+            {"mean_confidence_by_tenth", curve.confidences}}},
           {"pairs", std::move(pairs)}};
 }
 
@@ -87,12 +113,13 @@ absl::Status RunAccuracy(const PairSelection& pairs,
       "diameter of Y\n",
       ProfileName(options.profile),
       static_cast<unsigned long long>(options.random_seed));
-  std::printf("%-24s %-24s %7s %7s %8s %8s  %-8s %7s  %s  %s\n", "X", "Y",
+  std::printf("%-24s %-24s %7s %7s %8s %8s  %-8s %7s  %s  %s  %s\n", "X", "Y",
               "n_X", "n_Y", "direct", "best", "verdict", "seconds", "orient",
-              "Eq. 8");
+              "Eq. 8", "symmetry");
   ISOMATCH_ASSIGN_OR_RETURN(const std::vector<PairResult> results,
                             RunPairs(pairs.dir, pairs.filter,
                                      pairs.true_landmarks, options, PrintPair));
+  PrintConfidence(results);
   PrintSummary(results);
   if (out_path.empty()) return absl::OkStatus();
   return WriteFileAtomically(out_path, ToJson(results, options).dump(2) + "\n");

@@ -22,7 +22,8 @@ absl::Status RunAccuracy(const PairSelection& pairs,
                          const std::string& out_path);
 
 /// The paper's Table 1: swapping none, greedy and annealed, without and with
-/// ZoomOut. "Without" is the map just before it.
+/// ZoomOut (default: the elastic alignment). "Without" is the map just before
+/// it.
 absl::Status RunAblation(const PairSelection& pairs,
                          const MatchOptions& options);
 

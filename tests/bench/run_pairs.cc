@@ -51,13 +51,21 @@ absl::StatusOr<PairResult> RunPair(const MeshPair& pair, int true_landmarks,
                        pair.mesh_y.num_vertices(),
                        {},
                        std::chrono::duration<double>(end - begin).count(),
-                       found.embedding_error,
-                       found.orientation_score};
+                       found.scores.embedding_error,
+                       found.scores.orientation_score,
+                       found.symmetry_confidence,
+                       {}};
   const GeodesicErrorMeter meter(pair.mesh_y);
   for (const StageMap& map : found.stage_maps) {
     ISOMATCH_ASSIGN_OR_RETURN(const StageError error,
                               ErrorOf(meter, pair.truth, map));
     result.stages.push_back(error);
+  }
+  ISOMATCH_ASSIGN_OR_RETURN(const GeodesicError final_error,
+                            meter.Measure(found.y_from_x, pair.truth.direct));
+  for (std::size_t x = 0; x < final_error.of_vertex.size(); ++x) {
+    if (final_error.of_vertex[x] < 0) continue;
+    result.rated.push_back({found.confidence[x], final_error.of_vertex[x]});
   }
   return result;
 }
@@ -118,6 +126,44 @@ Summary Summarise(const std::vector<PairResult>& results) {
   summary.best_median = Median(best);
   summary.seconds_mean = Mean(seconds);
   return summary;
+}
+
+ConfidenceCurve CurveOf(const std::vector<PairResult>& results) {
+  std::vector<RatedVertex> all;
+  for (const PairResult& result : results) {
+    all.insert(all.end(), result.rated.begin(), result.rated.end());
+  }
+  double total = 0;
+  for (const RatedVertex& vertex : all) total += vertex.error;
+  const auto held = [&](double fraction) {
+    const auto count = static_cast<std::size_t>(fraction * double(all.size()));
+    double sum = 0;
+    for (std::size_t i = 0; i < count; ++i) sum += all[i].error;
+    return sum / total;
+  };
+  ConfidenceCurve curve;
+  std::stable_sort(all.begin(), all.end(), [](const auto& a, const auto& b) {
+    return a.error > b.error;
+  });
+  for (const double f : curve.kFractions) curve.most.push_back(held(f));
+  std::stable_sort(all.begin(), all.end(), [](const auto& a, const auto& b) {
+    return a.confidence < b.confidence;
+  });
+  for (const double f : curve.kFractions) curve.held.push_back(held(f));
+  constexpr std::size_t kTenths = 10;
+  for (std::size_t tenth = 0; tenth < kTenths; ++tenth) {
+    const std::size_t begin = tenth * all.size() / kTenths;
+    const std::size_t end = (tenth + 1) * all.size() / kTenths;
+    double error = 0;
+    double confidence = 0;
+    for (std::size_t i = begin; i < end; ++i) {
+      error += all[i].error;
+      confidence += all[i].confidence;
+    }
+    curve.errors.push_back(error / double(end - begin));
+    curve.confidences.push_back(confidence / double(end - begin));
+  }
+  return curve;
 }
 
 std::vector<StageError> StageMeans(const std::vector<PairResult>& results) {

@@ -22,6 +22,12 @@ struct StageError {
   double best = 0;
 };
 
+/// Confidence and direct error / diameter of one vertex.
+struct RatedVertex {
+  float confidence;
+  float error;
+};
+
 /// What one pair gave.
 struct PairResult {
   std::string name_x;
@@ -32,6 +38,8 @@ struct PairResult {
   double seconds = 0;
   double embedding_error = 0;
   double orientation_score = 0;
+  double symmetry_confidence = 0;
+  std::vector<RatedVertex> rated;  ///< vertices with a truth
 
   double direct() const { return stages.back().direct; }
   double best() const { return stages.back().best; }
@@ -57,6 +65,21 @@ struct Summary {
   double seconds_mean = 0;
 };
 Summary Summarise(const std::vector<PairResult>& results);
+
+/// How well confidence ranks the errors of all vertices of all pairs.
+struct ConfidenceCurve {
+  static constexpr double kFractions[] = {.05, .1, .2, .3, .5};
+  /// Share of the total error that the least confident fraction of vertices
+  /// holds, and that the fraction with the largest errors holds: the most that
+  /// any ranking can reach.
+  std::vector<double> held;
+  std::vector<double> most;
+  /// Mean error / diameter by tenths of the vertices, least confident first,
+  /// and their mean confidence.
+  std::vector<double> errors;
+  std::vector<double> confidences;
+};
+ConfidenceCurve CurveOf(const std::vector<PairResult>& results);
 
 /// Mean direct and best error over all pairs after each stage.
 std::vector<StageError> StageMeans(const std::vector<PairResult>& results);

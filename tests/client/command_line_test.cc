@@ -1,7 +1,6 @@
 #include "client/command_line.h"
 
 #include <csignal>
-#include <sstream>
 #include <string>
 #include <vector>
 
@@ -12,6 +11,7 @@
 #include "absl/time/clock.h"
 #include "client/map_file.h"
 #include "client/text_file.h"
+#include "tests/client/run_isomatch.h"
 #include "tests/client/temporary_folder.h"
 #include "tests/server/child_process.h"
 #include "tests/support/matchers.h"
@@ -22,26 +22,10 @@ namespace {
 using testing::AllOf;
 using testing::HasSubstr;
 
-struct Outcome {
-  int status;
-  std::string out;
-  std::string err;
-};
-
 class CommandLineTest : public testing::Test {
  protected:
-  Outcome Run(std::vector<std::string> arguments) {
-    arguments.insert(arguments.begin(), "isomatch");
-    std::vector<const char*> argv;
-    for (const std::string& argument : arguments) {
-      argv.push_back(argument.c_str());
-    }
-    std::ostringstream out;
-    std::ostringstream err;
-    const Terminal terminal{out, err, false, stop_.get_token()};
-    const int status =
-        RunCommandLine(static_cast<int>(argv.size()), argv.data(), terminal);
-    return {status, out.str(), err.str()};
+  CommandOutcome Run(const std::vector<std::string>& arguments) {
+    return RunIsomatch(arguments, stop_.get_token());
   }
 
   // Two poses and the truth: a.off, b.off, gt.txt.
@@ -58,7 +42,7 @@ class CommandLineTest : public testing::Test {
 
   void ExpectUsageError(const std::vector<std::string>& arguments,
                         const std::string& why) {
-    const Outcome outcome = Run(arguments);
+    const CommandOutcome outcome = Run(arguments);
     EXPECT_EQ(outcome.status, kExitUsage) << outcome.err;
     EXPECT_THAT(outcome.err, HasSubstr(why));
     EXPECT_EQ(outcome.out, "");
@@ -76,7 +60,7 @@ TEST_F(CommandLineTest, HelpAndVersionSucceed) {
   EXPECT_EQ(Run({"--version"}).status, kExitSuccess);
   EXPECT_THAT(Run({"--help"}).out, HasSubstr("Examples:"));
   for (const char* command : {"match", "evaluate", "sample"}) {
-    const Outcome outcome = Run({command, "--help"});
+    const CommandOutcome outcome = Run({command, "--help"});
     EXPECT_EQ(outcome.status, kExitSuccess);
     EXPECT_THAT(outcome.out, HasSubstr("Examples:")) << command;
   }
@@ -94,7 +78,7 @@ TEST_F(CommandLineTest, WrongUsageExitsWith2) {
     ExpectUsageError({"match", a_, b_, "--server", address}, "HOST:PORT");
   }
   ExpectUsageError({"match", a_, b_, "-o", map_, "--report", map_},
-                   "is the MAP too");
+                   "is the file of --output too");
   ExpectUsageError({"match", missing, b_}, "X: '" + missing);
   ExpectUsageError({"match", a_, missing}, "Y: '" + missing);
   ExpectUsageError({"match", a_, b_, "-o", folder_.Path("no/map")},
@@ -113,7 +97,7 @@ TEST_F(CommandLineTest, WrongUsageExitsWith2) {
 TEST_F(CommandLineTest, UnreachableServerExitsWith1AndWritesNothing) {
   MakePair(300, 300);
   const absl::Time begin = absl::Now();
-  const Outcome outcome =
+  const CommandOutcome outcome =
       Run({"match", a_, b_, "-o", map_, "--server", "127.0.0.1:1"});
   EXPECT_EQ(outcome.status, kExitFailure);
   EXPECT_THAT(outcome.err, HasSubstr("--server 127.0.0.1:1: no answer"));
@@ -124,12 +108,12 @@ TEST_F(CommandLineTest, UnreachableServerExitsWith1AndWritesNothing) {
 TEST_F(CommandLineTest, MatchesEmbeddedAndByServerWithTheSameBytes) {
   MakePair(1500, 1200);
   const std::string report = folder_.Path("report.json");
-  const Outcome embedded =
+  const CommandOutcome embedded =
       Run({"match", a_, b_, "-o", map_, "--report", report});
   ASSERT_EQ(embedded.status, kExitSuccess) << embedded.err;
   EXPECT_THAT(embedded.err, HasSubstr(" %  "));
   const ServerProcess server(ISOMATCH_SERVER_BINARY);
-  const Outcome remote =
+  const CommandOutcome remote =
       Run({"match", a_, b_, "--server", server.address, "--no-progress"});
   ASSERT_EQ(remote.status, kExitSuccess) << remote.err;
   EXPECT_EQ(remote.err, "");
@@ -140,7 +124,7 @@ TEST_F(CommandLineTest, MatchesEmbeddedAndByServerWithTheSameBytes) {
   EXPECT_EQ(json["profile"], "default");
   EXPECT_FALSE(json["seconds"].empty());
   EXPECT_GT(json["memory_estimate_bytes"], 0);
-  const Outcome error = Run({"evaluate", b_, map_, truth_, "--json"});
+  const CommandOutcome error = Run({"evaluate", b_, map_, truth_, "--json"});
   ASSERT_EQ(error.status, kExitSuccess) << error.err;
   EXPECT_LT(nlohmann::json::parse(error.out)["direct"]["mean_over_diameter"],
             0.05);
@@ -148,7 +132,7 @@ TEST_F(CommandLineTest, MatchesEmbeddedAndByServerWithTheSameBytes) {
 
 TEST_F(CommandLineTest, TruthHasNoError) {
   MakePair(400, 400);
-  const Outcome outcome = Run({"evaluate", b_, truth_, truth_});
+  const CommandOutcome outcome = Run({"evaluate", b_, truth_, truth_});
   EXPECT_EQ(outcome.status, kExitSuccess) << outcome.err;
   EXPECT_THAT(outcome.out, AllOf(HasSubstr("mean error / diam(Y)       0.0000"),
                                  HasSubstr("100.00 %")));
@@ -157,7 +141,7 @@ TEST_F(CommandLineTest, TruthHasNoError) {
 TEST_F(CommandLineTest, InterruptedMatchExitsWith130AndWritesNothing) {
   MakePair(3000, 3000);
   stop_.request_stop();
-  const Outcome outcome = Run({"match", a_, b_, "-o", map_});
+  const CommandOutcome outcome = Run({"match", a_, b_, "-o", map_});
   EXPECT_EQ(outcome.status, kExitInterrupted) << outcome.err;
   EXPECT_EQ(folder_.CountFiles(), 3);
 }

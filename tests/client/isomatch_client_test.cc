@@ -157,6 +157,55 @@ TEST_F(IsomatchClientTest, ALostDownloadGoesOnWhereItWas) {
   EXPECT_EQ(proxy_->cuts(), 1);
 }
 
+TEST_F(IsomatchClientTest, ADownloadGoesOnAtItsOffsetAndDoesNotBeginAnew) {
+  ConnectWithSmallRequests();
+  gate_open_ = false;
+  on_found_ = FindEverything;
+  MatchRequest request = LargePair();
+  request.parts = {v1::RESULT_PART_PRECISE_MAP};
+  auto result = StartMatch(request);
+  WaitForMatches(1);
+  const std::int64_t before = proxy_->bytes_passed(TcpProxy::kToClient);
+  // Late in the precise map, 24 bytes a vertex after the map's 4.
+  const std::int64_t map_bytes = 4 * request.mesh_x.num_vertices();
+  proxy_->CutAfter(TcpProxy::kToClient, 6 * map_bytes);
+  gate_open_ = true;
+  const absl::StatusOr<MatchResult> found = result.get();
+  ExpectMap(request, found);
+  EXPECT_EQ(proxy_->cuts(), 1);
+  ASSERT_TRUE(found->precise);
+  EXPECT_THAT(found->precise->back().weights,
+              testing::ElementsAre(0.5, 0.375, 0.125));
+  // Sent twice: what was in flight, less than a whole map.
+  EXPECT_LT(proxy_->bytes_passed(TcpProxy::kToClient) - before, 10 * map_bytes);
+}
+
+TEST_F(IsomatchClientTest, OnlyThePartsAskedForAreDownloaded) {
+  on_found_ = FindEverything;
+  MatchRequest request = SmallPair();
+  const auto plain = Match(request);
+  ExpectMap(request, plain);
+  EXPECT_FALSE(plain->precise || plain->confidence || plain->alternative ||
+               plain->functional_map);
+  request.parts = {v1::RESULT_PART_CONFIDENCE, v1::RESULT_PART_ALTERNATIVE_MAP,
+                   v1::RESULT_PART_FUNCTIONAL_MAP};
+  const auto more = Match(request);
+  ExpectMap(request, more);
+  EXPECT_FALSE(more->precise);
+  ASSERT_TRUE(more->confidence && more->alternative && more->functional_map);
+  EXPECT_EQ((*more->confidence)[8], 0.1f);
+  EXPECT_EQ((*more->alternative)[7], 0);
+  EXPECT_EQ(more->functional_map->fmap_x_from_y(0, 1), 2);
+}
+
+TEST_F(IsomatchClientTest, APartThatTheResultLacksIsLeftOut) {
+  MatchRequest request = SmallPair();
+  request.parts = {v1::RESULT_PART_ALTERNATIVE_MAP};
+  const auto result = Match(request);
+  ExpectMap(request, result);
+  EXPECT_FALSE(result->alternative);
+}
+
 TEST_F(IsomatchClientTest, ALostServerIsGivenUp) {
   gate_open_ = false;
   auto result = StartMatch(SmallPair());

@@ -37,6 +37,33 @@ v1::Mesh ToDraco(const TriangleMesh& mesh) {
   return proto;
 }
 
+void FindEverything(absl::Span<const Landmark> landmarks,
+                    const MatchOptions& options, Correspondence& found) {
+  constexpr VertexIndex kVerticesY = 4;
+  VertexMap other;
+  for (const VertexIndex y : found.y_from_x) {
+    const VertexIndex next = (y + 1) % kVerticesY;
+    const VertexIndex after = (y + 2) % kVerticesY;
+    found.precise.push_back({{y, next, after}, {0.5, 0.375, 0.125}});
+    found.confidence.push_back(
+        1 / (2 + static_cast<float>(found.confidence.size())));
+    other.push_back(next);
+  }
+  found.scores = {1, -0.5, 3, 4, 5, 0.25, 7};
+  found.alternatives = {{other, {8, 9, 10, 11, 12, 13, 14}},
+                        {found.y_from_x, {.rank_value = 15}}};
+  found.quality = {0.125, 0.875, 0.0625, /*unmatched=*/0};
+  found.symmetry_confidence = 0.125;
+  for (const Landmark& landmark : landmarks) {
+    found.landmarks.push_back({found.landmarks.empty(), landmark.y, 0.5});
+  }
+  if (!options.keep_functional_map) return;
+  found.functional_map.resize(2, 2);
+  found.functional_map << 1, 2, 3, 4;
+  found.eigenvalues_x = Eigen::Vector2d(0, 5);
+  found.eigenvalues_y = Eigen::Vector2d(0, 6);
+}
+
 TestServer::TestServer() { Restart(TestConfig()); }
 
 TestServer::~TestServer() {
@@ -53,8 +80,9 @@ ServerConfig TestServer::TestConfig() {
 MatchEngine TestServer::GatedEngine() {
   MatchEngine engine;
   engine.match =
-      [this](const TriangleMesh& mesh_x, const TriangleMesh& mesh_y, auto&&,
-             auto&&, const ProgressCallback& progress,
+      [this](const TriangleMesh& mesh_x, const TriangleMesh& mesh_y,
+             absl::Span<const Landmark> landmarks, const MatchOptions& options,
+             const ProgressCallback& progress,
              const std::stop_token& stop) -> absl::StatusOr<Correspondence> {
     progress({Stage::kGeodesics, 0, 0.1});
     ++matches_;
@@ -67,6 +95,7 @@ MatchEngine TestServer::GatedEngine() {
     for (VertexIndex i = 0; i < mesh_x.num_vertices(); ++i) {
       found.y_from_x.push_back(i % mesh_y.num_vertices());
     }
+    if (on_found_) on_found_(landmarks, options, found);
     return found;
   };
   engine.estimate = [](auto&&...) { return std::int64_t{1} << 20; };
@@ -81,8 +110,12 @@ MatchEngine TestServer::GatedEngine() {
 }
 
 void TestServer::Restart(ServerConfig config) {
+  Restart(std::move(config), GatedEngine());
+}
+
+void TestServer::Restart(ServerConfig config, MatchEngine engine) {
   server_.reset();
-  auto created = Server::Create(config, GatedEngine());
+  auto created = Server::Create(config, std::move(engine));
   ASSERT_TRUE(created.ok()) << created.status();
   server_ = *std::move(created);
   channel_ = grpc::CreateChannel(server_->address(),

@@ -29,6 +29,11 @@ CallError ErrorOf(const grpc::Status& status);
 /// The mesh of a job, as Draco bytes that keep the order of the vertices.
 v1::Mesh ToDraco(const TriangleMesh& mesh);
 
+/// Gives `found`, a map of some vertices to four, all parts and figures, each
+/// with numbers of its own. The functional map only if the options ask for it.
+void FindEverything(absl::Span<const Landmark> landmarks,
+                    const MatchOptions& options, Correspondence& found);
+
 /// A real server on a free port with a method that the test controls: it waits
 /// until `gate` is open and maps vertex i to vertex i % |Y|.
 class TestServer : public testing::Test {
@@ -38,6 +43,7 @@ class TestServer : public testing::Test {
 
   /// Starts the server again with this configuration.
   void Restart(ServerConfig config);
+  void Restart(ServerConfig config, MatchEngine engine);
 
   v1::CreateJobRequest SphereJob() const;
   std::string CreateJob();
@@ -57,6 +63,10 @@ class TestServer : public testing::Test {
   static ServerConfig TestConfig();
   MatchEngine GatedEngine();
 
+  /// What else the method finds; set before a job is created.
+  std::function<void(absl::Span<const Landmark>, const MatchOptions&,
+                     Correspondence&)>
+      on_found_;
   std::atomic<bool> gate_open_ = true;
   std::atomic<int> matches_ = 0;
   std::unique_ptr<Server> server_;

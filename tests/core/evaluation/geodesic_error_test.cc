@@ -55,6 +55,7 @@ TEST(GeodesicErrorTest, AShiftInThePlaneIsItsLength) {
   const double diameter = 5 * std::numbers::sqrt2;
   EXPECT_NEAR(error->diameter, diameter, 1e-4);
   EXPECT_NEAR(error->mean_over_diameter, 0.4 / diameter, 1e-5);
+  EXPECT_NEAR(error->of_vertex[0], 0.4 / diameter, 1e-5);
   EXPECT_NEAR(error->mean_over_sqrt_area, 0.4 / 5, 1e-5);
   // 0.0566 of the diameter.
   EXPECT_EQ(error->within[2], 0);
@@ -72,6 +73,9 @@ TEST(GeodesicErrorTest, CountsTheUnmatchedApart) {
   EXPECT_EQ(error->evaluated, 41);
   EXPECT_EQ(error->unmatched, 1);
   EXPECT_EQ(error->mean_over_diameter, 0);
+  for (int v = 0; v < 42; ++v) {
+    EXPECT_EQ(error->of_vertex[v], v == 7 || v == 9 ? -1 : 0) << v;
+  }
 }
 
 TEST(GeodesicErrorTest, RefusesWhatCannotBeCompared) {

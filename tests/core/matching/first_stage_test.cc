@@ -1,6 +1,8 @@
 #include "core/matching/first_stage.h"
 
 #include <algorithm>
+#include <cmath>
+#include <set>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -24,7 +26,7 @@ class FirstStageTest : public testing::Test {
     return {x_.pool(), y_.pool(), search_, search_, x_.frames(), y_.frames()};
   }
 
-  absl::StatusOr<Matching> Run() const {
+  absl::StatusOr<std::vector<RankedMap>> Run() const {
     return RunFirstStage(Input(),
                          GenerateSeeds(x_.pool(), y_.pool(), {5, 3, 200}),
                          options_, {}, {});
@@ -40,10 +42,12 @@ TEST_F(FirstStageTest, MatchesAShapeToItself) {
   for (const Swapping swapping :
        {Swapping::kNone, Swapping::kGreedy, Swapping::kAnnealed}) {
     options_.swapping = swapping;
-    const auto matching = Run();
-    ASSERT_THAT(matching, IsOk());
-    EXPECT_EQ(matching->size(), 60);
-    for (const PointMatch& match : matching->Matches()) {
+    const auto maps = Run();
+    ASSERT_THAT(maps, IsOk());
+    ASSERT_EQ(maps->size(), 1u);
+    const Matching& matching = maps->front().matching;
+    EXPECT_EQ(matching.size(), 60);
+    for (const PointMatch& match : matching.Matches()) {
       EXPECT_EQ(match.x, match.y);
     }
   }
@@ -64,8 +68,10 @@ TEST_F(FirstStageTest, SelectionByTheObjectivePrefersClusters) {
   const auto by_error = RunFirstStage(input, seeds, options_, {}, {});
   ASSERT_THAT(by_objective, IsOk());
   ASSERT_THAT(by_error, IsOk());
-  EXPECT_GE(Objective(*by_objective), Objective(*by_error));
-  EXPECT_LE(EmbeddingError(*by_error), EmbeddingError(*by_objective));
+  const Matching& objective_map = by_objective->front().matching;
+  const Matching& error_map = by_error->front().matching;
+  EXPECT_GE(Objective(objective_map), Objective(error_map));
+  EXPECT_LE(EmbeddingError(error_map), EmbeddingError(objective_map));
 }
 
 TEST_F(FirstStageTest, TheOrientationCueTurnsDownMirroredMaps) {
@@ -87,8 +93,10 @@ TEST_F(FirstStageTest, TheOrientationCueTurnsDownMirroredMaps) {
   const auto with = RunFirstStage(input, seeds, options_, {}, {});
   ASSERT_THAT(without, IsOk());
   ASSERT_THAT(with, IsOk());
-  EXPECT_LT(OrientationScore(*without, x.frames(), y.frames()), -0.8);
-  EXPECT_GT(OrientationScore(*with, x.frames(), y.frames()), 0.8);
+  EXPECT_LT(OrientationScore(without->front().matching, x.frames(), y.frames()),
+            -0.8);
+  EXPECT_GT(OrientationScore(with->front().matching, x.frames(), y.frames()),
+            0.8);
 }
 
 TEST_F(FirstStageTest, CurvatureDecidesBetweenIsometriesThatAreAlike) {
@@ -109,12 +117,12 @@ TEST_F(FirstStageTest, CurvatureDecidesBetweenIsometriesThatAreAlike) {
     on_y.curvatures = (reflect ? -1 : 1) * finer.frames().positions.col(2);
     // The reflection turns the surface inside out.
     if (reflect) on_y.normals *= -1;
-    const auto matching =
+    const auto maps =
         RunFirstStage({x.pool(), finer.pool(), search_, search_, on_x, on_y},
                       seeds, options_, {}, {});
-    ASSERT_THAT(matching, IsOk());
+    ASSERT_THAT(maps, IsOk());
     int same_side = 0;
-    for (const PointMatch& match : matching->Matches()) {
+    for (const PointMatch& match : maps->front().matching.Matches()) {
       same_side += on_x.positions(match.x, 2) * on_y.positions(match.y, 2) > 0;
     }
     EXPECT_EQ(same_side > 30, !reflect) << same_side << " of 60 on their side";
@@ -125,9 +133,109 @@ TEST_F(FirstStageTest, ASeedLargerThanTheTargetIsKept) {
   options_.matches = 4;
   Seed seed;
   for (int p = 0; p < 20; ++p) seed.push_back({p, p});
-  const auto matching = RunFirstStage(Input(), {seed}, options_, {}, {});
-  ASSERT_THAT(matching, IsOk());
-  EXPECT_EQ(matching->Matches(), seed);
+  const auto maps = RunFirstStage(Input(), {seed}, options_, {}, {});
+  ASSERT_THAT(maps, IsOk());
+  EXPECT_EQ(maps->front().matching.Matches(), seed);
+}
+
+TEST_F(FirstStageTest, PinnedMatchesStayHoweverWrong) {
+  Seed seed = {{3, 40}, {7, 11}};
+  for (int p = 50; p < 60; ++p) seed.push_back({p, p});
+  options_.pinned = 1;
+  options_.swaps.neighbors = 0;
+  options_.relocation_neighbors = 16;
+  const auto maps = RunFirstStage(Input(), {seed}, options_, {}, {});
+  ASSERT_THAT(maps, IsOk());
+  const std::vector<PointMatch> matches = maps->front().matching.Matches();
+  EXPECT_EQ(matches[0], seed[0]);
+  EXPECT_NE(matches[1], seed[1]) << "the other wrong one is repaired";
+}
+
+/// A body that is its own mirror image, from both sides of which first maps
+/// are found.
+class SymmetricFirstStageTest : public FirstStageTest {
+ protected:
+  SymmetricFirstStageTest()
+      : body_(MirrorSymmetricBody(3), 150),
+        finer_(MirrorSymmetricBody(4), 150) {
+    options_.rounds = {{40, 100}};
+    options_.max_results = 2;
+  }
+
+  absl::StatusOr<std::vector<RankedMap>> RunOnBody() const {
+    return RunFirstStage({body_.pool(), finer_.pool(), search_, search_,
+                          body_.frames(), finer_.frames()},
+                         GenerateSeeds(body_.pool(), finer_.pool(), {6, 3, 0}),
+                         options_, {}, {});
+  }
+
+  double Orientation(const RankedMap& map) const {
+    return OrientationScore(map.matching, body_.frames(), finer_.frames());
+  }
+
+  const HashedTestShape body_;
+  const HashedTestShape finer_;
+};
+
+TEST_F(SymmetricFirstStageTest, BothSidesComeBackAsDistinctMaps) {
+  const auto maps = RunOnBody();
+  ASSERT_THAT(maps, IsOk());
+  ASSERT_EQ(maps->size(), 2u);
+  EXPECT_LT(Orientation((*maps)[0]) * Orientation((*maps)[1]), -0.5);
+  EXPECT_LE((*maps)[0].badness, (*maps)[1].badness);
+}
+
+TEST_F(SymmetricFirstStageTest, MirroredRegionsAreGrownAnew) {
+  // The identity, but for the end in direction x, which is reflected.
+  const Positions& on_x = body_.frames().positions;
+  const Positions& on_y = finer_.frames().positions;
+  Seed seed;
+  std::set<int> taken;
+  for (int x = 0; x < body_.pool().size(); ++x) {
+    Eigen::RowVector3d image = on_x.row(x);
+    if (image[0] > 0.6) image[2] *= -1;
+    Eigen::Index y;
+    (on_y.rowwise() - image).rowwise().norm().minCoeff(&y);
+    if (taken.insert(static_cast<int>(y)).second) {
+      seed.push_back({x, static_cast<int>(y)});
+    }
+  }
+  options_.matches = static_cast<int>(seed.size());
+  options_.swapping = Swapping::kGreedy;
+  options_.orientation_from = 30;
+  std::vector<double> scores;
+  for (const bool regrow : {false, true}) {
+    options_.regrow_mirrored = regrow;
+    const auto maps = RunFirstStage({body_.pool(), finer_.pool(), search_,
+                                     search_, body_.frames(), finer_.frames()},
+                                    {seed}, options_, {}, {});
+    ASSERT_THAT(maps, IsOk());
+    scores.push_back(Orientation(maps->front()));
+    EXPECT_EQ(maps->front().matching.size(), options_.matches);
+  }
+  EXPECT_LT(scores[0], 0.8);
+  EXPECT_GT(scores[1], scores[0] + 0.1);
+}
+
+TEST_F(SymmetricFirstStageTest, LandmarksOverruleTheOrientationCue) {
+  options_.orientation_from = 30;
+  int off_plane = 0;
+  while (std::abs(body_.frames().positions(off_plane, 2)) < 0.5) ++off_plane;
+  for (const bool mirrored : {false, true}) {
+    Eigen::RowVector3d wanted = body_.frames().positions.row(off_plane);
+    if (mirrored) wanted[2] *= -1;
+    Eigen::Index image;
+    (finer_.frames().positions.rowwise() - wanted)
+        .rowwise()
+        .norm()
+        .minCoeff(&image);
+    options_.landmarks = {{off_plane, static_cast<int>(image)}};
+    const auto maps = RunOnBody();
+    ASSERT_THAT(maps, IsOk());
+    EXPECT_EQ(Orientation(maps->front()) < 0, mirrored);
+    EXPECT_FALSE(maps->front().wrong_side);
+    EXPECT_EQ(maps->front().contradiction, 0);
+  }
 }
 
 TEST_F(FirstStageTest, ProgressRisesToOne) {

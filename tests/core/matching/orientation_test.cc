@@ -1,5 +1,8 @@
 #include "core/matching/orientation.h"
 
+#include <cmath>
+#include <vector>
+
 #include <gtest/gtest.h>
 
 #include "core/mesh/mesh_geometry.h"
@@ -61,6 +64,31 @@ TEST(OrientationScoreTest, TwoMatchesSayNothing) {
   const HashedTestShape x(FiveArms(3), /*pool_size=*/100);
   EXPECT_EQ(OrientationScore(IdentityMatching(x, x, 2), x.frames(), x.frames()),
             0);
+}
+
+TEST(LocalOrientationsTest, AreNegativeWhereARegionIsMirrored) {
+  const HashedTestShape body(MirrorSymmetricBody(3), /*pool_size=*/200);
+  const Positions& positions = body.frames().positions;
+  Matching matching(body.pool(), body.pool(), 200);
+  std::vector<bool> mirrored;
+  for (int p = 0; p < 200; ++p) {
+    Eigen::RowVector3d image = positions.row(p);
+    const bool flip = image[0] > 0.3;
+    if (flip) image[2] *= -1;
+    Eigen::Index y;
+    (positions.rowwise() - image).rowwise().norm().minCoeff(&y);
+    if (matching.is_matched(kY, static_cast<int>(y))) continue;
+    matching.Add({p, static_cast<int>(y)});
+    mirrored.push_back(flip);
+  }
+  const std::vector<double> local =
+      LocalOrientations(matching, body.frames(), body.frames());
+  int right = 0;
+  for (std::size_t i = 0; i < local.size(); ++i) {
+    EXPECT_LE(std::abs(local[i]), 1);
+    right += (local[i] < 0) == mirrored[i];
+  }
+  EXPECT_GT(right, 0.9 * double(local.size()));
 }
 
 }  // namespace

@@ -58,5 +58,15 @@ TEST(ConnectedComponentsTest, TellsTwoSpheresAndALoneVertexApart) {
   EXPECT_EQ(components.of_vertex[2 * n], 2);
 }
 
+TEST(NonManifoldVerticesTest, TwoFansThatTouchInAPointAreOne) {
+  EXPECT_EQ(CountNonManifoldVertices(UnitSphere(1)), 0);
+  EXPECT_EQ(CountNonManifoldVertices(PlaneGrid(3, 3, 1, 1)), 0);
+  TriangleMesh bow_tie;
+  bow_tie.positions = Positions::Random(5, 3);
+  bow_tie.faces.resize(2, 3);
+  bow_tie.faces << 0, 1, 2, 0, 3, 4;
+  EXPECT_EQ(CountNonManifoldVertices(bow_tie), 1);
+}
+
 }  // namespace
 }  // namespace isomatch

@@ -73,11 +73,35 @@ TEST(MatchOptionsTest, EveryWrongValueIsNamed) {
           {"final_swap_fraction",
            [](MatchOptions& o) { o.final_swap_fraction = -1; }},
           {"zoomout_end", [](MatchOptions& o) { o.zoomout_end = 501; }},
-          {"zoomout_start", [](MatchOptions& o) { o.zoomout_start = 151; }},
-          {"zoomout_step", [](MatchOptions& o) { o.zoomout_step = 0; }},
+          {"zoomout_start",
+           [](MatchOptions& o) {
+             o.alignment_rounds = 0;
+             o.zoomout_end = 120;
+             o.zoomout_start = 121;
+           }},
+          {"zoomout_step",
+           [](MatchOptions& o) {
+             o.alignment_rounds = 0;
+             o.zoomout_end = 120;
+             o.zoomout_step = 0;
+           }},
+          {"zoomout_end", [](MatchOptions& o) { o.zoomout_end = 120; }},
+          {"candidates", [](MatchOptions& o) { o.candidates = 0; }},
+          {"candidate_margin",
+           [](MatchOptions& o) { o.candidate_margin = 0.5; }},
+          {"wavelet_rounds", [](MatchOptions& o) { o.wavelet_rounds = -1; }},
+          {"alignment_rounds",
+           [](MatchOptions& o) { o.alignment_rounds = 2000; }},
+          {"alignment_basis", [](MatchOptions& o) { o.alignment_basis = 0; }},
+          {"alignment_stiffness_first",
+           [](MatchOptions& o) { o.alignment_stiffness_first = 0; }},
+          {"alignment_stiffness_last",
+           [](MatchOptions& o) { o.alignment_stiffness_last = -1; }},
+          {"dense_from_closeness",
+           [](MatchOptions& o) { o.dense_from_closeness = false; }},
           {"dense_from_closeness",
            [](MatchOptions& o) {
-             o.zoomout_end = 0;
+             o.alignment_rounds = 0;
              o.dense_from_closeness = false;
            }},
           {"threads", [](MatchOptions& o) { o.threads = -2; }},

@@ -39,8 +39,8 @@ MatchOptions QuickOptions(Profile profile = Profile::kDefault) {
     options.max_seeds = 24;
     options.selection = Selection::kEmbeddingError;
   }
-  options.zoomout_start = 20;
-  options.zoomout_end = 60;
+  if (profile == Profile::kPaper) options.zoomout_end = 60;
+  options.alignment_basis = 60;
   return options;
 }
 
@@ -59,8 +59,8 @@ TEST(MatcherTest, UndoesARelabelling) {
     ASSERT_THAT(found, IsOk());
     EXPECT_GT(FractionRight(found->y_from_x, permutation), 0.99)
         << ProfileName(profile);
-    EXPECT_LT(found->embedding_error, 0.01);
-    EXPECT_GT(found->orientation_score, 0.9);
+    EXPECT_LT(found->scores.embedding_error, 0.01);
+    EXPECT_GT(found->scores.orientation_score, 0.9);
     EXPECT_NEAR(found->area_y / found->area_x, 37 * 37, 1);
   }
 }
@@ -422,7 +422,7 @@ TEST(RealMeshTest, TwoPosesOfABodyAreMatchedTheRightWayRound) {
   const auto error = GeodesicErrorMeter(y).Measure(found->y_from_x, truth);
   ASSERT_THAT(error, IsOk());
   EXPECT_LT(error->mean_over_diameter, 0.02);
-  EXPECT_GT(found->orientation_score, 0.5);
+  EXPECT_GT(found->scores.orientation_score, 0.5);
 }
 
 }  // namespace

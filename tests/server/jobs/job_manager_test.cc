@@ -1,10 +1,8 @@
 #include "server/jobs/job_manager.h"
 
 #include <atomic>
-#include <functional>
 #include <memory>
 #include <new>
-#include <set>
 #include <string>
 #include <thread>
 #include <utility>
@@ -13,107 +11,14 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "absl/strings/str_cat.h"
-#include "server/jobs/errors.h"
 #include "server/jobs/thread_pool.h"
-#include "server/storage/memory_blob_store.h"
-#include "server/storage/memory_job_store.h"
-#include "tests/server/manual_executor.h"
-#include "tests/support/matchers.h"
+#include "tests/server/jobs/job_manager_fixture.h"
 
 namespace isomatch {
 namespace {
 
 using testing::_;
 using testing::ElementsAre;
-
-std::string ReasonOf(const absl::Status& status) {
-  return status.ok() ? "OK" : DetailsOf(status).reason;
-}
-
-/// A manager whose jobs run when the test says so. A job needs as many bytes as
-/// it has landmarks; `during_match` is what it does while it runs.
-class JobManagerTest : public testing::Test {
- protected:
-  JobManagerTest() { Restart({}); }
-
-  void Restart(const JobManager::Limits& limits) {
-    manager_ = std::make_unique<JobManager>(limits, MakeParts());
-  }
-
-  JobManager::Parts MakeParts() {
-    JobManager::Parts parts;
-    parts.jobs = &jobs_;
-    parts.blobs = &blobs_;
-    parts.budget = &budget_;
-    parts.runner = &runner_;
-    parts.workers = &workers_;
-    parts.timers = &timers_;
-    parts.now = [] { return absl::UnixEpoch(); };
-    parts.new_id = [this] { return absl::StrCat("job", ++last_id_); };
-    parts.on_state = [this](const JobRecord& record) {
-      history_.push_back(JobStateName(record.state));
-    };
-    return parts;
-  }
-
-  MatchEngine FakeEngine() {
-    MatchEngine engine;
-    engine.match = [this](
-                       auto&&, auto&&, auto&&, auto&&, auto&& progress,
-                       std::stop_token stop) -> absl::StatusOr<Correspondence> {
-      progress({Stage::kGeodesics, 0.5, 0.25});
-      const absl::Status status = during_match_(stop);
-      if (!status.ok()) return status;
-      Correspondence found;
-      found.y_from_x = {static_cast<VertexIndex>(++matches_)};
-      return found;
-    };
-    engine.estimate = [](auto&&, auto&&, std::int64_t landmarks, auto&&) {
-      return landmarks;
-    };
-    return engine;
-  }
-
-  static JobSpec Needing(int bytes) {
-    JobSpec spec;
-    spec.landmarks.resize(static_cast<size_t>(bytes));
-    return spec;
-  }
-
-  std::string Create(JobSpec spec = Needing(1)) {
-    const auto snapshot = manager_->Create(std::move(spec));
-    EXPECT_THAT(snapshot, IsOk());
-    return snapshot.ok() ? snapshot->record.id : "";
-  }
-
-  std::string StateOf(const std::string& id) {
-    const auto snapshot = manager_->Get(id);
-    return snapshot.ok() ? JobStateName(snapshot->record.state) : "GONE";
-  }
-
-  std::string FailureOf(const std::string& id) {
-    const auto snapshot = manager_->Get(id);
-    return snapshot.ok() && snapshot->record.error
-               ? snapshot->record.error->reason
-               : "none";
-  }
-
-  static constexpr std::int64_t kBudget = 1000;
-
-  std::atomic<int> last_id_ = 0;
-  int matches_ = 0;
-  std::vector<std::string> history_;
-  std::function<absl::Status(std::stop_token)> during_match_ =
-      [](const std::stop_token&) { return absl::OkStatus(); };
-  MemoryJobStore jobs_;
-  MemoryBlobStore blobs_{1 << 20};
-  MemoryBudget budget_{kBudget};
-  JobRunner runner_{FakeEngine(), absl::Now};
-  ManualExecutor workers_;
-  ManualExecutor timers_;
-  std::unique_ptr<JobManager> manager_;
-};
 
 TEST_F(JobManagerTest, AJobIsQueuedRunsAndSucceeds) {
   const std::string id = Create();
@@ -129,10 +34,12 @@ TEST_F(JobManagerTest, AJobIsQueuedRunsAndSucceeds) {
   EXPECT_EQ(StateOf(id), "SUCCEEDED");
   EXPECT_EQ(budget_.reserved_bytes(), 0);
   EXPECT_THAT(history_, ElementsAre("QUEUED", "RUNNING", "SUCCEEDED"));
-  const auto map = manager_->GetMap(id);
+  const auto map = manager_->GetPart(id, ResultPart::kMap);
   ASSERT_THAT(map, IsOk());
   EXPECT_EQ(*map->bytes, std::string("\1\0\0\0", 4));
-  EXPECT_EQ(map->record.progress.total_fraction, 1);
+  EXPECT_EQ(manager_->Get(id)->record.progress.total_fraction, 1);
+  EXPECT_EQ(ReasonOf(manager_->GetPart(id, ResultPart::kConfidence).status()),
+            "RESULT_PART_MISSING");
 }
 
 TEST_F(JobManagerTest, OnlyAsManyJobsRunAsThereAreWorkers) {
@@ -234,7 +141,8 @@ TEST_F(JobManagerTest, AResultThatComesAfterTheCancelIsDropped) {
   };
   EXPECT_TRUE(workers_.RunNext());
   EXPECT_EQ(StateOf(id), "CANCELLED");
-  EXPECT_EQ(ReasonOf(manager_->GetMap(id).status()), "JOB_NOT_SUCCEEDED");
+  EXPECT_EQ(ReasonOf(manager_->GetPart(id, ResultPart::kMap).status()),
+            "JOB_NOT_SUCCEEDED");
   EXPECT_EQ(manager_->load().running_jobs, 0);
 }
 
@@ -341,21 +249,6 @@ TEST_F(JobManagerTest, ValidateOnlyKeepsNothing) {
   EXPECT_EQ(snapshot->record.memory_estimate_bytes, 7);
   EXPECT_TRUE(manager_->List({}).empty());
   EXPECT_FALSE(workers_.RunNext());
-}
-
-TEST_F(JobManagerTest, OnlySoManyTerminalJobsAreKeptWithTheirResults) {
-  Restart({.max_kept_jobs = 2});
-  for (int i = 0; i < 5; ++i) {
-    Create();
-    EXPECT_TRUE(workers_.RunNext());
-  }
-  EXPECT_EQ(manager_->List({}).size(), 2);
-  EXPECT_EQ(StateOf("job3"), "GONE");
-  EXPECT_EQ(StateOf("job4"), "SUCCEEDED");
-  // The results that are gone may be evicted: a blob of all their room fits.
-  EXPECT_THAT(
-      blobs_.Put("x", std::string((1 << 20) - 8, 'x'), Keep::kWhileRoom),
-      IsOk());
 }
 
 TEST_F(JobManagerTest, OnlyTerminalJobsAreDeleted) {

@@ -50,9 +50,23 @@ TEST_F(JobRunnerTest, TheMapIsLittleEndianAndNoMatchIsAllOnes) {
     return found;
   });
   ASSERT_THAT(outcome, IsOk());
-  EXPECT_EQ(outcome->map, std::string("\x02\x01\0\0\xFF\xFF\xFF\xFF", 8));
+  ASSERT_EQ(outcome->parts.size(), 1);
+  EXPECT_EQ(outcome->parts[0].part, ResultPart::kMap);
+  EXPECT_EQ(outcome->parts[0].bytes,
+            std::string("\x02\x01\0\0\xFF\xFF\xFF\xFF", 8));
   EXPECT_EQ(outcome->result.unmatched, 1);
   EXPECT_GT(outcome->result.peak_resident_bytes, 1 << 20);
+}
+
+TEST_F(JobRunnerTest, TheMeanConfidenceIsThatOfTheMatchedVertices) {
+  const auto outcome = Run([](auto&&...) {
+    Correspondence found;
+    found.y_from_x = {0, kNoVertex, 1};
+    found.confidence = {0.25f, 0, 0.75f};
+    return found;
+  });
+  ASSERT_THAT(outcome, IsOk());
+  EXPECT_EQ(outcome->result.quality.mean_confidence, 0.5);
 }
 
 TEST_F(JobRunnerTest, MeasuresTheSecondsOfEachStage) {

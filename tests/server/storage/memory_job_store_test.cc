@@ -26,7 +26,9 @@ JobRecord NewJob(const std::string& id, const std::string& request_id = "") {
 void Succeed(MemoryJobStore& store, const std::string& id, int bytes) {
   JobRecord record = *store.Get(id);
   record.state = JobState::kSucceeded;
-  record.result.emplace().map_bytes = bytes;
+  // In two parts.
+  record.result.emplace().parts = {{ResultPart::kMap, "", 1},
+                                   {ResultPart::kConfidence, "", bytes - 1}};
   ASSERT_THAT(store.Update(record), IsOk());
 }
 
@@ -105,8 +107,18 @@ TEST(MemoryJobStoreTest, PruneRemovesTheFirstThatEndedAndNoOthers) {
   EXPECT_THAT(Ids(store.Prune(3, 30)), IsEmpty());
   EXPECT_THAT(Ids(store.Prune(2, 30)), ElementsAre("c"));
   EXPECT_THAT(Ids(store.Prune(2, 10)), ElementsAre("a"));
-  EXPECT_THAT(Ids(store.Prune(0, 0)), ElementsAre("b"));
-  EXPECT_THAT(Ids(store.List({})), ElementsAre("d"));
+  EXPECT_THAT(Ids(store.Prune(2, 10)), IsEmpty());
+  EXPECT_THAT(Ids(store.List({})), ElementsAre("d", "b"));
+}
+
+TEST(MemoryJobStoreTest, TheLastToEndIsKeptHoweverLargeItsResult) {
+  MemoryJobStore store;
+  for (const char* id : {"a", "b"}) {
+    ASSERT_THAT(store.Insert(NewJob(id)), IsOk());
+    Succeed(store, id, 1000);
+  }
+  EXPECT_THAT(Ids(store.Prune(2, 10)), ElementsAre("a"));
+  EXPECT_THAT(Ids(store.List({})), ElementsAre("b"));
 }
 
 }  // namespace

@@ -1,0 +1,67 @@
+#include "client/part_files.h"
+
+#include <array>
+#include <charconv>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "absl/strings/str_cat.h"
+#include "client/face_finder.h"
+
+namespace isomatch {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+/// Shortest text that reads back as the same float.
+void AppendNumber(std::string& text, float number) {
+  std::array<char, 32> digits;
+  const std::to_chars_result end =
+      std::to_chars(digits.data(), digits.data() + digits.size(), number);
+  text.append(digits.data(), end.ptr);
+}
+
+Json ToJson(const Eigen::VectorXd& vector) {
+  return std::vector<double>(vector.begin(), vector.end());
+}
+
+}  // namespace
+
+std::string FormatPreciseMap(absl::Span<const PrecisePoint> points,
+                             const TriangleMesh& mesh_y) {
+  const FaceFinder faces(mesh_y);
+  std::string text;
+  for (const PrecisePoint& point : points) {
+    const SurfacePoint found = faces.Find(point);
+    absl::StrAppend(&text, found.face);
+    for (const double weight : found.weights) {
+      text += ' ';
+      AppendNumber(text, static_cast<float>(weight));
+    }
+    text += '\n';
+  }
+  return text;
+}
+
+std::string FormatConfidence(absl::Span<const float> confidence) {
+  std::string text;
+  for (const float value : confidence) {
+    AppendNumber(text, value);
+    text += '\n';
+  }
+  return text;
+}
+
+std::string FormatFunctionalMap(const FunctionalMap& map) {
+  Json rows = Json::array();
+  for (Eigen::Index row = 0; row < map.fmap_x_from_y.rows(); ++row) {
+    rows.push_back(ToJson(map.fmap_x_from_y.row(row).transpose()));
+  }
+  const Json json = {{"eigenvalues_x", ToJson(map.eigenvalues_x)},
+                     {"eigenvalues_y", ToJson(map.eigenvalues_y)},
+                     {"matrix", std::move(rows)}};
+  return json.dump() + "\n";
+}
+
+}  // namespace isomatch

@@ -1,0 +1,67 @@
+#pragma once
+
+#include <stop_token>
+#include <vector>
+
+#include <Eigen/SparseCholesky>
+#include <Eigen/SparseCore>
+
+#include "absl/status/status.h"
+#include "core/mesh/triangle_mesh.h"
+#include "core/spectral/cotan_laplacian.h"
+
+namespace isomatch {
+
+/// A surface that bends freely and resists stretching: the as-rigid-as-possible
+/// energy (Sorkine, Alexa 2007, Eq. 3)
+///
+///   E(V) = 1/2 sum_i sum_{j in N(i)} w_ij |(V_i - V_j) - R_i (P_i - P_j)|^2
+///
+/// of positions V over the rest positions P, with the best rotation R_i of each
+/// vertex. w are cotangent weights, held within [0.01, 10] so that slivers
+/// neither push nor lock.
+///
+/// Each Step moves V towards the minimum of
+///
+///   sum_i pull_i |V_i - target_i|^2 + stiffness 2 E(V).
+///
+/// Deterministic at any thread count. Not thread-safe.
+class DeformableSurface {
+ public:
+  /// At rest, as `mesh` is. REQUIRES: `laplacian` is that of `mesh`.
+  DeformableSurface(const TriangleMesh& mesh, const CotanLaplacian& laplacian);
+
+  /// Fixes stiffness (> 0; a length squared times area per area: in units of
+  /// area when pull is mass) and pulls (n, >= 0, not all 0 on any component),
+  /// and factorises. INTERNAL when that fails. Time as a sparse Cholesky.
+  absl::Status SetPull(const Eigen::VectorXd& pull, double stiffness);
+
+  /// One alternation: best rotations for *positions, then best positions for
+  /// those. REQUIRES: SetPull, n x 3 both. CANCELLED after `stop`. Time O(n)
+  /// and a solve.
+  absl::Status Step(const Positions& targets, const std::stop_token& stop,
+                    Positions* positions);
+
+  /// E of the last Step, with its rotations and the positions given; the area
+  /// of the surface is its scale.
+  double Energy(const Positions& positions) const;
+
+ private:
+  struct Neighbor {
+    VertexIndex vertex;
+    double weight;
+  };
+
+  void FitRotation(const Positions& positions, VertexIndex v);
+
+  Positions rest_;
+  std::vector<std::vector<Neighbor>> neighbors_;
+  Eigen::SparseMatrix<double> stiffness_;  ///< n x n, of the weights
+  std::vector<Eigen::Matrix3d> rotations_;
+  bool has_rotations_ = false;
+  Eigen::VectorXd pull_;
+  double scale_ = 1;  ///< of the stiffness matrix
+  Eigen::SimplicialLLT<Eigen::SparseMatrix<double>> cholesky_;
+};
+
+}  // namespace isomatch

@@ -1,0 +1,177 @@
+#include "core/alignment/elastic_alignment.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "core/base/parallel.h"
+#include "core/base/status_macros.h"
+#include "core/mesh/mesh_geometry.h"
+#include "core/spectral/functional_map.h"
+
+namespace isomatch {
+namespace {
+
+constexpr VertexIndex kVerticesPerTask = 128;
+/// Of DeformableSurface, between two searches.
+constexpr int kStepsPerRound = 3;
+/// Points are pulled beyond where they belong by this part of their way, so
+/// that the surface slides into place in half the rounds.
+constexpr double kOverrelaxation = 1;
+/// How much more than others a landmark is pulled.
+constexpr double kLandmarkPull = 100;
+
+absl::Status ForEachVertex(VertexIndex n, const std::stop_token& stop,
+                           const std::function<void(VertexIndex)>& body) {
+  const VertexIndex tasks = (n + kVerticesPerTask - 1) / kVerticesPerTask;
+  return ParallelFor(tasks, stop, [&](std::int64_t task) {
+    const auto begin = static_cast<VertexIndex>(task * kVerticesPerTask);
+    for (VertexIndex v = begin; v < std::min(n, begin + kVerticesPerTask);
+         ++v) {
+      body(v);
+    }
+  });
+}
+
+}  // namespace
+
+ElasticAlignment::ElasticAlignment(const AlignmentShape& shape_x,
+                                   const AlignmentShape& shape_y,
+                                   const AlignmentOptions& options,
+                                   VertexMap y_from_x)
+    : x_(shape_x),
+      y_(shape_y),
+      options_(options),
+      basis_(std::min(
+          {options.basis, shape_x.spectral.size(), shape_y.spectral.size()})),
+      stars_x_(shape_x.mesh),
+      stars_y_(shape_y.mesh),
+      surface_(shape_x.mesh, shape_x.laplacian),
+      aligned_(shape_x.mesh),
+      y_from_x_(std::move(y_from_x)),
+      fixed_(shape_x.mesh.num_vertices(), kNoVertex),
+      points_(shape_x.mesh.num_vertices()),
+      targets_(y_.mesh.positions(y_from_x_, Eigen::all)),
+      pull_(shape_x.laplacian.mass),
+      features_x_(basis_ + 6, shape_x.mesh.num_vertices()),
+      features_y_(basis_ + 6, shape_y.mesh.num_vertices()) {
+  aligned_.positions = targets_;
+  features_x_.topRows(basis_) =
+      (options_.spectral_weight *
+       x_.spectral.functions.leftCols(basis_).transpose())
+          .cast<float>();
+  features_y_.middleRows(basis_, 3) =
+      y_.mesh.positions.transpose().cast<float>();
+  features_y_.bottomRows(3) =
+      (options_.normal_weight * y_.normals.transpose()).cast<float>();
+}
+
+void ElasticAlignment::Fix(absl::Span<const VertexMatch> landmarks) {
+  for (const VertexMatch& landmark : landmarks) {
+    fixed_[landmark.x] = landmark.y;
+    y_from_x_[landmark.x] = landmark.y;
+    targets_.row(landmark.x) = y_.mesh.positions.row(landmark.y);
+    pull_[landmark.x] = kLandmarkPull * x_.laplacian.mass[landmark.x];
+  }
+}
+
+void ElasticAlignment::DescribeY() {
+  const Eigen::MatrixXd fmap_x_from_y =
+      FunctionalMapFromVertexMap(x_.spectral, y_.spectral, y_from_x_, basis_);
+  features_y_.topRows(basis_) =
+      (options_.spectral_weight * fmap_x_from_y).cast<float>() *
+      y_.spectral.functions.leftCols(basis_).transpose().cast<float>();
+}
+
+void ElasticAlignment::DescribeX() {
+  normals_ = VertexNormals(aligned_);
+  features_x_.middleRows(basis_, 3) =
+      aligned_.positions.transpose().cast<float>();
+  features_x_.bottomRows(3) =
+      (options_.normal_weight * normals_.transpose()).cast<float>();
+}
+
+float ElasticAlignment::Unlikeness(VertexIndex x, VertexIndex y) const {
+  return (features_x_.col(x) - features_y_.col(y)).squaredNorm();
+}
+
+/// Descends over Y's edges from the best of the images that x and its
+/// neighbours had.
+VertexIndex ElasticAlignment::MostAlike(VertexIndex x,
+                                        const VertexMap& before) const {
+  VertexIndex best = before[x];
+  float least = Unlikeness(x, best);
+  const auto offer = [&](VertexIndex y) {
+    const float unlikeness = Unlikeness(x, y);
+    if (unlikeness >= least) return;
+    least = unlikeness;
+    best = y;
+  };
+  for (const VertexIndex neighbor : stars_x_.Neighbors(x)) {
+    if (before[neighbor] != best) offer(before[neighbor]);
+  }
+  for (VertexIndex from = kNoVertex; from != best;) {
+    from = best;
+    for (const VertexIndex y : stars_y_.Neighbors(from)) offer(y);
+  }
+  return best;
+}
+
+absl::Status ElasticAlignment::FindAlike(const std::stop_token& stop) {
+  const VertexMap before = y_from_x_;
+  return ForEachVertex(x_.mesh.num_vertices(), stop, [&](VertexIndex x) {
+    y_from_x_[x] = fixed_[x] != kNoVertex ? fixed_[x] : MostAlike(x, before);
+  });
+}
+
+absl::Status ElasticAlignment::FindPoints(const std::stop_token& stop) {
+  return ForEachVertex(x_.mesh.num_vertices(), stop, [&](VertexIndex x) {
+    const bool fixed = fixed_[x] != kNoVertex;
+    const Eigen::RowVector3d aligned = aligned_.positions.row(x);
+    const Eigen::RowVector3d wanted =
+        fixed ? Eigen::RowVector3d(y_.mesh.positions.row(fixed_[x])) : aligned;
+    points_[x] = NearestOnFaces(y_.mesh, stars_y_.Faces(y_from_x_[x]), wanted);
+    targets_.row(x) = PositionOf(y_.mesh, points_[x]);
+    if (!fixed)
+      targets_.row(x) += kOverrelaxation * (targets_.row(x) - aligned);
+  });
+}
+
+absl::Status ElasticAlignment::Run(double stiffness, int rounds,
+                                   const std::stop_token& stop) {
+  ISOMATCH_RETURN_IF_ERROR(surface_.SetPull(pull_, stiffness));
+  for (int round = 0; round < rounds; ++round) {
+    for (int step = 0; step < kStepsPerRound; ++step) {
+      ISOMATCH_RETURN_IF_ERROR(
+          surface_.Step(targets_, stop, &aligned_.positions));
+    }
+    DescribeX();
+    DescribeY();
+    ISOMATCH_RETURN_IF_ERROR(FindAlike(stop));
+    ISOMATCH_RETURN_IF_ERROR(FindPoints(stop));
+  }
+  return absl::OkStatus();
+}
+
+double ElasticAlignment::Residual(VertexIndex x) const {
+  return (aligned_.positions.row(x) - PositionOf(y_.mesh, points_[x])).norm();
+}
+
+double ElasticAlignment::NormalMismatch(VertexIndex x) const {
+  return 1 - normals_.row(x).dot(y_.normals.row(y_from_x_[x]));
+}
+
+AlignmentScore ElasticAlignment::Score() const {
+  AlignmentScore score;
+  const Eigen::VectorXd& mass = x_.laplacian.mass;
+  for (VertexIndex x = 0; x < x_.mesh.num_vertices(); ++x) {
+    score.distance += mass[x] * Residual(x) * Residual(x);
+    score.normal_mismatch += mass[x] * NormalMismatch(x);
+  }
+  score.distance = std::sqrt(score.distance / mass.sum());
+  score.normal_mismatch /= mass.sum();
+  score.stretch = surface_.Energy(aligned_.positions) / mass.sum();
+  return score;
+}
+
+}  // namespace isomatch

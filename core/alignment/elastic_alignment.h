@@ -1,0 +1,108 @@
+#pragma once
+
+#include <stop_token>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/types/span.h"
+#include "core/alignment/deformable_surface.h"
+#include "core/base/nearest_columns.h"
+#include "core/base/vertex_index.h"
+#include "core/mesh/surface_point.h"
+#include "core/mesh/triangle_mesh.h"
+#include "core/mesh/vertex_stars.h"
+#include "core/spectral/cotan_laplacian.h"
+#include "core/spectral/spectral_basis.h"
+
+namespace isomatch {
+
+/// One shape as the alignment sees it: of surface area 1. References must
+/// outlive the alignment.
+struct AlignmentShape {
+  const TriangleMesh& mesh;
+  const Positions& normals;
+  const CotanLaplacian& laplacian;
+  const SpectralBasis& spectral;
+};
+
+/// What makes two points of the aligned surfaces alike: squared differences of
+/// position (unit sqrt(area)), and of the following with their weights.
+struct AlignmentOptions {
+  /// Eigenfunctions whose values are compared, cut to the bases at hand.
+  int basis = 128;
+  double spectral_weight = 0.03;
+  /// Of unit normals. 0 when normals mean nothing, on unoriented surfaces.
+  double normal_weight = 0.3;
+};
+
+/// How hard it is to lay X on Y: each 0 for congruent surfaces, >= 0.
+struct AlignmentScore {
+  /// As-rigid-as-possible energy over the area.
+  double stretch = 0;
+  /// Mean 1 - cosine between the normals of aligned points, area-weighted.
+  double normal_mismatch = 0;
+  /// Root mean square distance of aligned points, sqrt(area), area-weighted.
+  double distance = 0;
+};
+
+/// Refines a dense map by laying the surface of X elastically on that of Y: X
+/// bends freely and stretches under resistance towards where the map sends it;
+/// the map is then found anew as the most alike point in space, normal and
+/// eigenfunctions (carried over by the functional map of the current map), and
+/// so on. Eigenfunctions keep limbs apart that touch in space; positions and
+/// normals see detail that no low frequencies show. In spirit of smooth shells
+/// (Eisenberger, Laehner, Cremers, CVPR 2020) and of non-rigid ICP.
+///
+/// Not in the paper. Deterministic at any thread count. Not thread-safe.
+class ElasticAlignment {
+ public:
+  /// REQUIRES: y_from_x is dense, options.basis >= 1.
+  ElasticAlignment(const AlignmentShape& shape_x, const AlignmentShape& shape_y,
+                   const AlignmentOptions& options, VertexMap y_from_x);
+
+  /// Lets the images of landmarks stay where they are and pulls X there.
+  void Fix(absl::Span<const VertexMatch> landmarks);
+
+  /// `rounds` of deforming and matching anew at one stiffness, a fraction of
+  /// the area (> 0). INTERNAL: a factorisation failed. CANCELLED after `stop`.
+  /// Time O(rounds n basis^2) and a sparse Cholesky.
+  absl::Status Run(double stiffness, int rounds, const std::stop_token& stop);
+
+  const VertexMap& y_from_x() const { return y_from_x_; }
+  /// For each vertex of X the nearest point of Y's surface around its image.
+  const std::vector<SurfacePoint>& points() const { return points_; }
+  /// REQUIRES of the following: Run.
+  AlignmentScore Score() const;
+  /// Distance of a vertex of the laid-on X from its point, sqrt(area).
+  double Residual(VertexIndex x) const;
+  /// 1 - cosine between the normals there.
+  double NormalMismatch(VertexIndex x) const;
+
+ private:
+  void DescribeY();
+  void DescribeX();
+  absl::Status FindAlike(const std::stop_token& stop);
+  VertexIndex MostAlike(VertexIndex x, const VertexMap& before) const;
+  float Unlikeness(VertexIndex x, VertexIndex y) const;
+  absl::Status FindPoints(const std::stop_token& stop);
+
+  const AlignmentShape x_;
+  const AlignmentShape y_;
+  const AlignmentOptions options_;
+  const int basis_;
+  VertexStars stars_x_;
+  VertexStars stars_y_;
+  DeformableSurface surface_;
+  TriangleMesh aligned_;  ///< X laid on Y
+  Positions normals_;     ///< of aligned_
+  VertexMap y_from_x_;
+  VertexMap fixed_;  ///< images of landmarks, else kNoVertex
+  std::vector<SurfacePoint> points_;
+  Positions targets_;     ///< what each vertex is pulled to
+  Eigen::VectorXd pull_;  ///< how much
+  /// One vertex a column: eigenfunctions, position, normal, weighted.
+  PointColumns features_x_;
+  PointColumns features_y_;
+};
+
+}  // namespace isomatch

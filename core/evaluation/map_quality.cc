@@ -1,0 +1,132 @@
+#include "core/evaluation/map_quality.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/base/parallel.h"
+#include "core/base/status_macros.h"
+#include "core/geodesic/distance_field_solver.h"
+#include "core/geodesic/farthest_point_sampling.h"
+#include "core/mesh/mesh_geometry.h"
+
+namespace isomatch {
+namespace {
+
+constexpr int kAnchors = 24;
+constexpr double kReachInEdges = 2;
+constexpr double kLargestRatio = 1000;
+
+using Fields = std::vector<std::vector<float>>;
+
+/// One distance field a source; what is out of reach lies at the largest
+/// distance there is.
+absl::StatusOr<Fields> FieldsOf(const DistanceFieldSolver& solver,
+                                absl::Span<const VertexIndex> sources,
+                                const std::stop_token& stop) {
+  Fields fields(sources.size());
+  ISOMATCH_RETURN_IF_ERROR(ParallelFor(
+      static_cast<std::int64_t>(sources.size()), stop, [&](std::int64_t i) {
+        DistanceFieldSolver::Workspace workspace;
+        fields[i].resize(solver.num_vertices());
+        solver.Solve(sources[i], fields[i].data(), 1, &workspace);
+      }));
+  float largest = 0;
+  for (const auto& field : fields) {
+    for (const float d : field) {
+      if (d < kUnreachable) largest = std::max(largest, d);
+    }
+  }
+  for (auto& field : fields) {
+    for (float& d : field) d = std::min(d, largest);
+  }
+  return fields;
+}
+
+absl::Status MeasureDistances(const DistanceFieldSolver& solver_x,
+                              const DistanceFieldSolver& solver_y,
+                              absl::Span<const VertexIndex> y_from_x,
+                              const std::stop_token& stop,
+                              MapMeasures* measures) {
+  ISOMATCH_ASSIGN_OR_RETURN(const std::vector<VertexIndex> anchors,
+                            FarthestPoints(solver_x, kAnchors, stop));
+  std::vector<VertexIndex> images;
+  for (const VertexIndex anchor : anchors) images.push_back(y_from_x[anchor]);
+  ISOMATCH_ASSIGN_OR_RETURN(const Fields on_x,
+                            FieldsOf(solver_x, anchors, stop));
+  ISOMATCH_ASSIGN_OR_RETURN(const Fields on_y,
+                            FieldsOf(solver_y, images, stop));
+  measures->distortions.resize(y_from_x.size());
+  double sum = 0;
+  std::vector<float> differences(anchors.size());
+  for (std::size_t x = 0; x < y_from_x.size(); ++x) {
+    for (std::size_t a = 0; a < anchors.size(); ++a) {
+      differences[a] = std::abs(on_x[a][x] - on_y[a][y_from_x[x]]);
+      sum += differences[a];
+    }
+    const auto middle = differences.begin() + differences.size() / 2;
+    std::nth_element(differences.begin(), middle, differences.end());
+    measures->distortions[x] = *middle;
+  }
+  measures->geodesic_distortion =
+      sum / (double(y_from_x.size()) * double(anchors.size()));
+  return absl::OkStatus();
+}
+
+double Coverage(const DistanceFieldSolver& solver_y, const TriangleMesh& mesh_y,
+                absl::Span<const VertexIndex> y_from_x, float reach) {
+  // Fronts go no further than the reach, and each image is one source.
+  std::vector<float> nearest(mesh_y.num_vertices(), reach);
+  std::vector<char> is_image(mesh_y.num_vertices(), false);
+  DistanceFieldSolver::Workspace workspace;
+  for (const VertexIndex y : y_from_x) {
+    if (is_image[y]) continue;
+    is_image[y] = true;
+    solver_y.Lower(y, absl::MakeSpan(nearest), &workspace);
+  }
+  double covered = 0;
+  double total = 0;
+  for (VertexIndex f = 0; f < mesh_y.num_faces(); ++f) {
+    const double third = FaceArea(mesh_y, f) / 3;
+    for (int corner = 0; corner < 3; ++corner) {
+      total += third;
+      if (nearest[mesh_y.faces(f, corner)] < reach) covered += third;
+    }
+  }
+  return covered / total;
+}
+
+double AreaDistortion(const TriangleMesh& mesh_x, const Positions& images) {
+  const TriangleMesh mapped = {images, mesh_x.faces};
+  double sum = 0;
+  double total = 0;
+  for (VertexIndex f = 0; f < mesh_x.num_faces(); ++f) {
+    const double area = FaceArea(mesh_x, f);
+    if (!(area > 0)) continue;
+    const double ratio = std::clamp(FaceArea(mapped, f) / area,
+                                    1 / kLargestRatio, kLargestRatio);
+    sum += area * std::abs(std::log(ratio));
+    total += area;
+  }
+  return sum / total;
+}
+
+}  // namespace
+
+absl::StatusOr<MapMeasures> MeasureMap(const TriangleMesh& mesh_x,
+                                       const TriangleMesh& mesh_y,
+                                       absl::Span<const VertexIndex> y_from_x,
+                                       const Positions& images,
+                                       const std::stop_token& stop) {
+  const DistanceFieldSolver solver_x(mesh_x);
+  const DistanceFieldSolver solver_y(mesh_y);
+  MapMeasures measures;
+  ISOMATCH_RETURN_IF_ERROR(
+      MeasureDistances(solver_x, solver_y, y_from_x, stop, &measures));
+  const double edge = std::max(MeanEdgeLength(mesh_x), MeanEdgeLength(mesh_y));
+  measures.coverage = Coverage(solver_y, mesh_y, y_from_x,
+                               static_cast<float>(kReachInEdges * edge));
+  measures.area_distortion = AreaDistortion(mesh_x, images);
+  return measures;
+}
+
+}  // namespace isomatch

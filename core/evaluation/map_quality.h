@@ -1,0 +1,40 @@
+#pragma once
+
+#include <stop_token>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "absl/types/span.h"
+#include "core/base/vertex_index.h"
+#include "core/mesh/triangle_mesh.h"
+
+namespace isomatch {
+
+/// What can be measured of a map without a truth. Lengths are in mesh units.
+struct MapMeasures {
+  /// For each vertex of X the median over the anchors a of |d_X(x, a) -
+  /// d_Y(map(x), map(a))|: 0 for an isometry. A median, so that a few anchors
+  /// whose own images are wrong do not count.
+  std::vector<float> distortions;
+  /// Mean of that difference over all vertices and anchors.
+  double geodesic_distortion = 0;
+  /// Fraction of Y's area that is nearer to an image than two mean edges of the
+  /// coarser mesh.
+  double coverage = 0;
+  /// Mean over X's area of |ln(area of a face's image / its area)|, no term
+  /// above ln 1000.
+  double area_distortion = 0;
+};
+
+/// Measures a dense map between clean meshes of equal area. `images` (n_X x 3)
+/// are the places on Y that X's vertices go to, y_from_x the vertices next to
+/// them. Distances between components count as the largest finite one.
+///
+/// Anchors are 24 farthest points of X. CANCELLED after `stop`. Time O(n).
+absl::StatusOr<MapMeasures> MeasureMap(const TriangleMesh& mesh_x,
+                                       const TriangleMesh& mesh_y,
+                                       absl::Span<const VertexIndex> y_from_x,
+                                       const Positions& images,
+                                       const std::stop_token& stop);
+
+}  // namespace isomatch

@@ -1,0 +1,29 @@
+#pragma once
+
+#include <Eigen/Core>
+
+#include "absl/types/span.h"
+#include "core/mesh/triangle_mesh.h"
+
+namespace isomatch {
+
+/// A point on the surface of a mesh, between the vertices of a face.
+struct SurfacePoint {
+  /// kNoVertex for no point.
+  VertexIndex face = kNoVertex;
+  /// Barycentric coordinates: weights of the face's three vertices in its
+  /// order, each in [0, 1], sum 1.
+  Eigen::Vector3d weights = Eigen::Vector3d::Zero();
+};
+
+/// Where the point is, mesh units. REQUIRES: point.face >= 0.
+Eigen::RowVector3d PositionOf(const TriangleMesh& mesh,
+                              const SurfacePoint& point);
+
+/// Returns the point nearest to `position` on any of `faces`, ties by order.
+/// Degenerate faces count as their edges. REQUIRES: at least one face.
+SurfacePoint NearestOnFaces(const TriangleMesh& mesh,
+                            absl::Span<const VertexIndex> faces,
+                            const Eigen::RowVector3d& position);
+
+}  // namespace isomatch

@@ -1,0 +1,37 @@
+#include "core/mesh/vertex_stars.h"
+
+#include <algorithm>
+
+namespace isomatch {
+
+VertexStars::VertexStars(const TriangleMesh& mesh) {
+  const VertexIndex n = mesh.num_vertices();
+  first_face_.assign(std::int64_t{n} + 1, 0);
+  for (Eigen::Index i = 0; i < mesh.faces.size(); ++i) {
+    ++first_face_[mesh.faces.data()[i] + 1];
+  }
+  for (VertexIndex v = 0; v < n; ++v) first_face_[v + 1] += first_face_[v];
+  faces_.resize(mesh.faces.size());
+  std::vector<std::int64_t> next(first_face_.begin(), first_face_.end() - 1);
+  for (VertexIndex f = 0; f < mesh.num_faces(); ++f) {
+    for (int corner = 0; corner < 3; ++corner) {
+      faces_[next[mesh.faces(f, corner)]++] = f;
+    }
+  }
+  first_neighbor_.assign(1, 0);
+  std::vector<VertexIndex> around;
+  for (VertexIndex v = 0; v < n; ++v) {
+    around.clear();
+    for (const VertexIndex f : Faces(v)) {
+      for (int corner = 0; corner < 3; ++corner) {
+        if (mesh.faces(f, corner) != v) around.push_back(mesh.faces(f, corner));
+      }
+    }
+    std::sort(around.begin(), around.end());
+    around.erase(std::unique(around.begin(), around.end()), around.end());
+    neighbors_.insert(neighbors_.end(), around.begin(), around.end());
+    first_neighbor_.push_back(static_cast<std::int64_t>(neighbors_.size()));
+  }
+}
+
+}  // namespace isomatch

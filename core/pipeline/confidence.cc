@@ -1,0 +1,60 @@
+#include "core/pipeline/confidence.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace isomatch {
+namespace {
+
+/// Unit of the expected error, sqrt(area).
+constexpr double kUnit = 0.05;
+/// Expected error: what no sign tells, and per unit of each sign.
+constexpr double kBase = 0.01;
+constexpr double kPerMoved = 0.7;
+constexpr double kPerResidual = 2;
+/// Bodies of different people differ by this much where the map is right.
+constexpr double kUsualDistortion = 0.04;
+constexpr double kPerDistortion = 1;
+constexpr int kSmoothings = 5;
+
+/// Averages over one-rings, over and over: signs are noisy, errors are not.
+std::vector<double> Smoothed(absl::Span<const float> values,
+                             const VertexStars& stars) {
+  std::vector<double> current(values.begin(), values.end());
+  std::vector<double> next(values.size());
+  for (int round = 0; round < kSmoothings; ++round) {
+    for (std::size_t v = 0; v < values.size(); ++v) {
+      const auto neighbors = stars.Neighbors(static_cast<VertexIndex>(v));
+      double sum = current[v];
+      for (const VertexIndex neighbor : neighbors) sum += current[neighbor];
+      next[v] = sum / static_cast<double>(neighbors.size() + 1);
+    }
+    current.swap(next);
+  }
+  return current;
+}
+
+}  // namespace
+
+std::vector<float> ConfidenceOf(const ErrorSigns& signs,
+                                const VertexStars& stars_x) {
+  std::vector<double> expected(signs.distortions.size(), kBase);
+  const auto add = [&](absl::Span<const float> sign, double usual,
+                       double factor) {
+    if (sign.empty()) return;
+    const std::vector<double> smoothed = Smoothed(sign, stars_x);
+    for (std::size_t v = 0; v < expected.size(); ++v) {
+      expected[v] += factor * std::max(0.0, smoothed[v] - usual);
+    }
+  };
+  add(signs.distortions, kUsualDistortion, kPerDistortion);
+  add(signs.moved, 0, kPerMoved);
+  add(signs.residuals, 0, kPerResidual);
+  std::vector<float> confidence;
+  for (const double e : expected) {
+    confidence.push_back(static_cast<float>(std::exp(-e / kUnit)));
+  }
+  return confidence;
+}
+
+}  // namespace isomatch

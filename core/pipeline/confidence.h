@@ -1,0 +1,27 @@
+#pragma once
+
+#include <vector>
+
+#include "absl/types/span.h"
+#include "core/mesh/vertex_stars.h"
+
+namespace isomatch {
+
+/// Signs of error at the vertices of X, in sqrt(area).
+struct ErrorSigns {
+  /// Median geodesic distortion (core/evaluation/map_quality.h).
+  absl::Span<const float> distortions;
+  /// How far the elastic alignment moved the image since it was coarse, and how
+  /// far the laid-on surface stays away from it. Empty without alignment.
+  absl::Span<const float> moved;
+  absl::Span<const float> residuals;
+};
+
+/// Returns the confidence of each vertex, exp(-e / 0.05) for an expected error
+/// e, in sqrt(area), that is linear in the signs averaged over neighbourhoods.
+/// The coefficients were fitted to the true errors of FAUST pairs; see
+/// core/README.md for how well it ranks.
+std::vector<float> ConfidenceOf(const ErrorSigns& signs,
+                                const VertexStars& stars_x);
+
+}  // namespace isomatch

@@ -1,0 +1,173 @@
+#include "core/pipeline/landmarks.h"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+#include <unordered_map>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
+#include "core/pipeline/matcher.h"
+
+namespace isomatch {
+namespace {
+
+/// Landmarks beyond this many are thinned out evenly: they hold the map as well
+/// and cost their square.
+constexpr std::size_t kMaxLandmarks = 1000;
+/// Two landmarks agree when their distances differ by less than this fraction
+/// of the larger one, and this fraction of sqrt(area).
+constexpr float kRelativeTolerance = 0.1f;
+constexpr float kAbsoluteTolerance = 0.08f;
+/// With this many known matches, seeds add little: fewer are tried.
+constexpr std::size_t kManyLandmarks = 30;
+constexpr std::size_t kSeedsBesideMany = 50;
+/// With this many that agree, few maps start without them: enough to repair
+/// what they agree wrongly on, too few to crowd them out.
+constexpr std::size_t kSomeLandmarks = 4;
+constexpr std::size_t kSeedsWithoutThem = 20;
+
+/// Middle of the bounds of Eq. 6.
+float About(const BasisPoints& basis, VertexIndex u, VertexIndex v) {
+  return 0.5f * (basis.LowerBound(u, v) + basis.UpperBound(u, v));
+}
+
+bool Agree(const BasisPoints& basis_x, const BasisPoints& basis_y,
+           const VertexMatch& a, const VertexMatch& b) {
+  const float on_x = About(basis_x, a.x, b.x);
+  const float on_y = About(basis_y, a.y, b.y);
+  return std::abs(on_x - on_y) <=
+         kAbsoluteTolerance + kRelativeTolerance * std::max(on_x, on_y);
+}
+
+}  // namespace
+
+absl::Status ValidateLandmarks(absl::Span<const Landmark> landmarks,
+                               std::int64_t vertices_x,
+                               std::int64_t vertices_y) {
+  std::unordered_map<VertexIndex, std::size_t> first_x;
+  std::unordered_map<VertexIndex, std::size_t> first_y;
+  const auto check = [](std::size_t i, const char* field, VertexIndex vertex,
+                        std::int64_t vertices,
+                        std::unordered_map<VertexIndex, std::size_t>* first) {
+    if (vertex < 0 || vertex >= vertices) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("landmarks[", i, "].", field, ": ", vertex,
+                       ", expected 0 to ", vertices - 1));
+    }
+    const auto [it, is_new] = first->try_emplace(vertex, i);
+    if (is_new) return absl::OkStatus();
+    return absl::InvalidArgumentError(
+        absl::StrCat("landmarks[", i, "].", field, ": vertex ", vertex,
+                     " is already matched by landmarks[", it->second,
+                     "], expected each vertex at most once"));
+  };
+  for (std::size_t i = 0; i < landmarks.size(); ++i) {
+    ISOMATCH_RETURN_IF_ERROR(
+        check(i, "x", landmarks[i].x, vertices_x, &first_x));
+    ISOMATCH_RETURN_IF_ERROR(
+        check(i, "y", landmarks[i].y, vertices_y, &first_y));
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<std::vector<WorkingLandmark>> TakeLandmarks(
+    absl::Span<const VertexMatch> landmarks, const WorkingMesh& working_x,
+    const WorkingMesh& working_y, std::vector<std::string>* warnings) {
+  std::vector<WorkingLandmark> taken;
+  std::set<VertexIndex> taken_x;
+  std::set<VertexIndex> taken_y;
+  const std::size_t given = landmarks.size();
+  const std::size_t used = std::min(given, kMaxLandmarks);
+  for (std::size_t k = 0; k < used; ++k) {
+    const std::size_t i = k * given / used;
+    const VertexMatch match = {working_x.working_from_user[landmarks[i].x],
+                               working_y.working_from_user[landmarks[i].y]};
+    if (match.x == kNoVertex || match.y == kNoVertex) {
+      return absl::InvalidArgumentError(absl::StrCat(
+          "landmarks[", i, "].", match.x == kNoVertex ? "x" : "y",
+          ": the vertex is on no face, expected one of the surface"));
+    }
+    if (taken_x.count(match.x) > 0 || taken_y.count(match.y) > 0) {
+      warnings->push_back(absl::StrCat("landmarks[", i,
+                                       "] left out: its vertex coincides with "
+                                       "that of an earlier landmark"));
+      continue;
+    }
+    taken_x.insert(match.x);
+    taken_y.insert(match.y);
+    taken.push_back({match, i});
+  }
+  if (used < given) {
+    warnings->push_back(absl::StrCat(used, " of ", given,
+                                     " landmarks used, evenly from the list"));
+  }
+  return taken;
+}
+
+std::vector<VertexMatch> AgreeingLandmarks(
+    const std::vector<WorkingLandmark>& landmarks, const BasisPoints& basis_x,
+    const BasisPoints& basis_y) {
+  const std::size_t count = landmarks.size();
+  std::vector<char> agrees(count * count, false);
+  std::vector<std::size_t> friends(count, 0);
+  for (std::size_t i = 0; i < count; ++i) {
+    for (std::size_t j = 0; j < i; ++j) {
+      if (!Agree(basis_x, basis_y, landmarks[i].match, landmarks[j].match)) {
+        continue;
+      }
+      agrees[i * count + j] = agrees[j * count + i] = true;
+      ++friends[i];
+      ++friends[j];
+    }
+  }
+  std::vector<char> present(count, true);
+  for (std::size_t left = count; left > 2; --left) {
+    std::size_t worst = count;
+    for (std::size_t i = 0; i < count; ++i) {
+      if (present[i] && (worst == count || friends[i] <= friends[worst])) {
+        worst = i;
+      }
+    }
+    if (2 * friends[worst] >= left - 1) break;
+    present[worst] = false;
+    for (std::size_t i = 0; i < count; ++i) {
+      if (agrees[worst * count + i]) --friends[i];
+    }
+  }
+  std::vector<VertexMatch> result;
+  for (std::size_t i = 0; i < count; ++i) {
+    if (present[i]) result.push_back(landmarks[i].match);
+  }
+  return result;
+}
+
+std::vector<Seed> SeedsWithLandmarks(const Seed& given,
+                                     const std::vector<Seed>& generated,
+                                     bool exact) {
+  if (given.empty()) return generated;
+  std::vector<Seed> seeds = {given};
+  const std::size_t count = given.size() >= kManyLandmarks
+                                ? std::min(kSeedsBesideMany, generated.size())
+                                : generated.size();
+  std::size_t alone = exact ? 0 : count / 2;
+  if (given.size() >= kSomeLandmarks) {
+    alone = std::min(alone, kSeedsWithoutThem);
+  }
+  for (std::size_t i = 0; i < count; ++i) {
+    Seed both = given;
+    for (const PointMatch& match : generated[i]) {
+      const bool free = std::none_of(
+          given.begin(), given.end(), [&](const PointMatch& other) {
+            return other.x == match.x || other.y == match.y;
+          });
+      if (free) both.push_back(match);
+    }
+    seeds.push_back(std::move(both));
+    if (i < alone) seeds.push_back(generated[i]);
+  }
+  return seeds;
+}
+
+}  // namespace isomatch

@@ -1,0 +1,60 @@
+#include "core/pipeline/stage_plan.h"
+
+namespace isomatch {
+
+const char* StageName(Stage stage) {
+  switch (stage) {
+    case Stage::kPrepare:
+      return "prepare";
+    case Stage::kGeodesics:
+      return "geodesics";
+    case Stage::kSpectral:
+      return "spectral bases";
+    case Stage::kSeeds:
+      return "seeds";
+    case Stage::kFirstInsertion:
+      return "first insertion";
+    case Stage::kSecondInsertion:
+      return "second insertion";
+    case Stage::kFinalSwapping:
+      return "final swapping";
+    case Stage::kDense:
+      return "dense map";
+    case Stage::kZoomOut:
+      return "zoomout";
+    case Stage::kChoice:
+      return "choice";
+    case Stage::kAlignment:
+      return "alignment";
+    case Stage::kQuality:
+      return "quality";
+  }
+  return "unknown";
+}
+
+int SpectralCount(const MatchOptions& options) {
+  return options.alignment_rounds > 0 ? options.alignment_basis
+                                      : options.zoomout_end;
+}
+
+std::vector<std::pair<Stage, double>> StagePlan(const MatchOptions& options) {
+  std::vector<std::pair<Stage, double>> plan = {{Stage::kPrepare, 0.03},
+                                                {Stage::kGeodesics, 0.2}};
+  if (SpectralCount(options) > 0) plan.emplace_back(Stage::kSpectral, 0.25);
+  plan.emplace_back(Stage::kSeeds, 0.02);
+  plan.emplace_back(Stage::kFirstInsertion, 0.3);
+  if (options.second_stage_fraction > 0) {
+    plan.emplace_back(Stage::kSecondInsertion, 0.3);
+    plan.emplace_back(Stage::kFinalSwapping, 0.2);
+  }
+  if (options.dense_from_closeness) plan.emplace_back(Stage::kDense, 0.15);
+  if (options.zoomout_end > 0) plan.emplace_back(Stage::kZoomOut, 0.2);
+  if (options.alignment_rounds > 0) {
+    plan.emplace_back(Stage::kChoice, 0.25);
+    plan.emplace_back(Stage::kAlignment, 0.25);
+  }
+  plan.emplace_back(Stage::kQuality, 0.05);
+  return plan;
+}
+
+}  // namespace isomatch

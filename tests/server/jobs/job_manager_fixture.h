@@ -1,0 +1,130 @@
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "absl/strings/str_cat.h"
+#include "server/jobs/errors.h"
+#include "server/jobs/job_manager.h"
+#include "server/storage/memory_blob_store.h"
+#include "server/storage/memory_job_store.h"
+#include "tests/server/manual_executor.h"
+#include "tests/support/matchers.h"
+
+namespace isomatch {
+
+inline std::string ReasonOf(const absl::Status& status) {
+  return status.ok() ? "OK" : DetailsOf(status).reason;
+}
+
+/// A manager whose jobs run when the test says so. A job needs as many bytes as
+/// it has landmarks; `during_match` is what it does while it runs.
+class JobManagerTest : public testing::Test {
+ protected:
+  JobManagerTest() { Restart({}); }
+
+  void Restart(const JobManager::Limits& limits) {
+    manager_ = std::make_unique<JobManager>(limits, MakeParts());
+  }
+
+  JobManager::Parts MakeParts() {
+    JobManager::Parts parts;
+    parts.jobs = &jobs_;
+    parts.blobs = &blobs_;
+    parts.budget = &budget_;
+    parts.runner = &runner_;
+    parts.workers = &workers_;
+    parts.timers = &timers_;
+    parts.now = [] { return absl::UnixEpoch(); };
+    parts.new_id = [this] { return absl::StrCat("job", ++last_id_); };
+    parts.on_state = [this](const JobRecord& record) {
+      history_.push_back(JobStateName(record.state));
+    };
+    return parts;
+  }
+
+  MatchEngine FakeEngine() {
+    MatchEngine engine;
+    engine.match = [this](
+                       auto&&, auto&&, auto&&, auto&&, auto&& progress,
+                       std::stop_token stop) -> absl::StatusOr<Correspondence> {
+      progress({Stage::kGeodesics, 0.5, 0.25});
+      const absl::Status status = during_match_(stop);
+      if (!status.ok()) return status;
+      Correspondence found = found_;
+      found.y_from_x = {static_cast<VertexIndex>(++matches_)};
+      return found;
+    };
+    engine.estimate = [](auto&&, auto&&, std::int64_t landmarks, auto&&) {
+      return landmarks;
+    };
+    return engine;
+  }
+
+  /// What matches find beside the map, which is another one for each.
+  static Correspondence AllParts() {
+    Correspondence found;
+    found.precise.resize(1);
+    found.confidence = {0.5f};
+    found.alternatives.push_back({{77}, {}});
+    found.functional_map.setOnes(1, 1);
+    found.eigenvalues_x.setZero(1);
+    found.eigenvalues_y.setZero(1);
+    return found;
+  }
+
+  /// True when nothing is pinned: a blob of all the room evicts everything.
+  bool AllRoomIsFree() {
+    return blobs_.Put("x", std::string(kBlobBytes, 'x'), Keep::kWhileRoom).ok();
+  }
+
+  static JobSpec Needing(int bytes) {
+    JobSpec spec;
+    spec.landmarks.resize(static_cast<size_t>(bytes));
+    return spec;
+  }
+
+  std::string Create(JobSpec spec = Needing(1)) {
+    const auto snapshot = manager_->Create(std::move(spec));
+    EXPECT_THAT(snapshot, IsOk());
+    return snapshot.ok() ? snapshot->record.id : "";
+  }
+
+  std::string StateOf(const std::string& id) {
+    const auto snapshot = manager_->Get(id);
+    return snapshot.ok() ? JobStateName(snapshot->record.state) : "GONE";
+  }
+
+  std::string FailureOf(const std::string& id) {
+    const auto snapshot = manager_->Get(id);
+    return snapshot.ok() && snapshot->record.error
+               ? snapshot->record.error->reason
+               : "none";
+  }
+
+  static constexpr std::int64_t kBudget = 1000;
+  static constexpr size_t kBlobBytes = 1 << 20;
+
+  std::atomic<int> last_id_ = 0;
+  int matches_ = 0;
+  Correspondence found_;
+  std::vector<std::string> history_;
+  std::function<absl::Status(std::stop_token)> during_match_ =
+      [](const std::stop_token&) { return absl::OkStatus(); };
+  MemoryJobStore jobs_;
+  MemoryBlobStore blobs_{kBlobBytes};
+  MemoryBudget budget_{kBudget};
+  JobRunner runner_{FakeEngine(), absl::Now};
+  ManualExecutor workers_;
+  ManualExecutor timers_;
+  std::unique_ptr<JobManager> manager_;
+};
+
+}  // namespace isomatch
