@@ -52,6 +52,24 @@ void Judge(const ElasticAlignment& alignment, bool oriented,
 
 }  // namespace
 
+FirstStageOptions FirstStageOptionsOf(const MatchOptions& options,
+                                      std::size_t num_landmarks) {
+  FirstStageOptions first;
+  first.matches = std::max<int>(options.first_stage_matches, num_landmarks);
+  first.rounds = options.selection_rounds;
+  first.selection = options.selection;
+  first.orientation_from = options.orientation_from;
+  first.curvature_weight = options.curvature_weight;
+  first.swapping = options.swapping;
+  first.swap_interval = options.swap_interval;
+  first.swaps = {options.swap_proposals, options.swap_neighbors};
+  first.temperature = options.temperature;
+  first.relocation_neighbors = options.relocation_neighbors;
+  first.max_results = options.alignment_rounds > 0 ? options.candidates : 1;
+  first.random_seed = options.random_seed;
+  return first;
+}
+
 absl::StatusOr<std::unique_ptr<ElasticAlignment>> ChooseByAlignment(
     const AlignmentShape& shape_x, const AlignmentShape& shape_y, bool oriented,
     const MatchOptions& options, const std::function<void(double)>& progress,

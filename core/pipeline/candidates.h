@@ -8,6 +8,7 @@
 #include "absl/status/statusor.h"
 #include "core/alignment/elastic_alignment.h"
 #include "core/base/vertex_index.h"
+#include "core/matching/first_stage.h"
 #include "core/pipeline/match_options.h"
 #include "core/pipeline/matcher.h"
 
@@ -20,6 +21,10 @@ struct Candidate {
   MapScores scores;
   double objective = 0;  ///< Eq. 4
 };
+
+/// What the options say of the first stage, with this many landmarks.
+FirstStageOptions FirstStageOptionsOf(const MatchOptions& options,
+                                      std::size_t num_landmarks);
 
 /// Refines every candidate's dense map by wavelet filtering and lays it out by
 /// a coarse elastic alignment; completes the scores, whose rank value is that

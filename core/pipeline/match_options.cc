@@ -92,6 +92,7 @@ MatchOptions MatchOptions::ForProfile(Profile profile) {
   options.profile = profile;
   if (profile == Profile::kDefault) return options;
   options.pool_size = 0;
+  options.match_components = false;
   options.seed_points = 4;
   options.seed_matches = 3;
   options.max_seeds = 0;

@@ -33,6 +33,10 @@ struct MatchOptions {
   /// farthest points, 16 to 4000, or all vertices when 0.
   int pool_size = 1000;
 
+  /// Large components are paired by size and shape and matched one by one.
+  /// Otherwise all that is known of them grows together. Not in the paper.
+  bool match_components = true;
+
   /// 3.5: m farthest points a side, k matches a seed; 1 <= k <= m <= 8, k <= 4.
   int seed_points = 6;
   int seed_matches = 3;

@@ -18,6 +18,7 @@
 #include "core/matching/objective.h"
 #include "core/matching/second_stage.h"
 #include "core/pipeline/candidates.h"
+#include "core/pipeline/component_matching.h"
 #include "core/pipeline/conclusion.h"
 #include "core/pipeline/landmarks.h"
 #include "core/pipeline/prepared_mesh.h"
@@ -38,24 +39,6 @@ constexpr double kRounding = 1e-8;
 /// A landmark is kept when the map sends it no further than this from where it
 /// should go, in sqrt(area).
 constexpr float kLandmarkTolerance = 0.1f;
-
-FirstStageOptions FirstStageOptionsOf(const MatchOptions& options,
-                                      std::size_t num_landmarks) {
-  FirstStageOptions first;
-  first.matches = std::max<int>(options.first_stage_matches, num_landmarks);
-  first.rounds = options.selection_rounds;
-  first.selection = options.selection;
-  first.orientation_from = options.orientation_from;
-  first.curvature_weight = options.curvature_weight;
-  first.swapping = options.swapping;
-  first.swap_interval = options.swap_interval;
-  first.swaps = {options.swap_proposals, options.swap_neighbors};
-  first.temperature = options.temperature;
-  first.relocation_neighbors = options.relocation_neighbors;
-  first.max_results = options.alignment_rounds > 0 ? options.candidates : 1;
-  first.random_seed = options.random_seed;
-  return first;
-}
 
 /// One run of the method: the stages in order, each reading what those before
 /// it left in the members.
@@ -489,9 +472,23 @@ absl::StatusOr<Correspondence> Match(const TriangleMesh& mesh_x,
   ISOMATCH_RETURN_IF_ERROR(ValidateMesh(mesh_y, "mesh_y"));
   ISOMATCH_RETURN_IF_ERROR(ValidateLandmarks(landmarks, mesh_x.num_vertices(),
                                              mesh_y.num_vertices()));
+  const auto match_one = [&](const TriangleMesh& x, const TriangleMesh& y,
+                             absl::Span<const Landmark> known,
+                             const ProgressCallback& report) {
+    return Matcher(x, y, known, options, report, stop).Run();
+  };
   absl::StatusOr<Correspondence> result = absl::InternalError("not run");
   RunWithThreads(options.threads, [&] {
-    result = Matcher(mesh_x, mesh_y, landmarks, options, progress, stop).Run();
+    if (options.match_components) {
+      const MeshParts parts_x = SplitIntoParts(mesh_x);
+      const MeshParts parts_y = SplitIntoParts(mesh_y);
+      if (MatchedByParts(parts_x, parts_y)) {
+        result = MatchByParts(mesh_x, parts_x, parts_y, landmarks, match_one,
+                              progress, stop);
+        return;
+      }
+    }
+    result = match_one(mesh_x, mesh_y, landmarks, progress);
   });
   return result;
 }

@@ -297,5 +297,59 @@ TEST(RealFilesTest, CrumbsAroundABodyGoWhereTheyAreNear) {
   }
 }
 
+TEST(RealFilesTest, TwoLargeComponentsAndCrumbsAroundThem) {
+  const TriangleMesh arms = FiveArms(3);
+  TriangleMesh blob = FiveArms(3);  // another hand
+  blob.positions.col(0) *= 1.6;
+  blob.positions.rowwise() += Eigen::RowVector3d(0, 0, 9);
+  const VertexIndex in_large = arms.num_vertices() + blob.num_vertices();
+  DirtyMesh all = Joined(Untouched(arms), Untouched(blob), arms.num_vertices());
+  const VertexIndex near[] = {3, 40, 200, arms.num_vertices() + 10,
+                              arms.num_vertices() + 100};
+  for (const VertexIndex v : near) {
+    DirtyMesh crumb = Untouched(Tetrahedron());
+    crumb.mesh.positions *= 0.05;
+    crumb.mesh.positions.rowwise() += all.mesh.positions.row(v);
+    crumb.origin.assign(4, v);
+    all = Joined(all, crumb, 0);
+  }
+  ASSERT_EQ(ConnectedComponents(all.mesh).count, 7);
+  const DirtyMesh other = Disguised(all, 37);
+  const auto result = Match(all.mesh, other.mesh, {}, QuickOptions());
+  ASSERT_THAT(result, IsOk());
+  const TriangleMesh* const parts[] = {&arms, &blob};
+  for (const int part : {0, 1}) {
+    const VertexIndex first = part * arms.num_vertices();
+    const GeodesicErrorMeter meter(*parts[part]);
+    VertexMap found, truth, crumbs, crumbs_truth;
+    for (std::size_t v = 0; v < all.origin.size(); ++v) {
+      const VertexIndex true_vertex = all.origin[v] - first;
+      if (true_vertex < 0 || true_vertex >= parts[part]->num_vertices()) {
+        continue;
+      }
+      const VertexIndex image = result->y_from_x[v];
+      ASSERT_NE(image, kNoVertex) << v;
+      const VertexIndex local = other.origin[image] - first;
+      const bool same = local >= 0 && local < parts[part]->num_vertices();
+      const bool is_crumb = static_cast<VertexIndex>(v) >= in_large;
+      (is_crumb ? crumbs : found).push_back(same ? local : kNoVertex);
+      (is_crumb ? crumbs_truth : truth).push_back(true_vertex);
+    }
+    const auto error = meter.Measure(found, truth);
+    ASSERT_THAT(error, IsOk());
+    const auto crumb_error = meter.Measure(crumbs, crumbs_truth);
+    ASSERT_THAT(crumb_error, IsOk());
+    EXPECT_EQ(error->unmatched, 0);  // none in the other component
+    EXPECT_LT(error->mean_over_diameter, 0.02);
+    EXPECT_EQ(crumb_error->unmatched, 0);
+    EXPECT_LT(crumb_error->max_over_diameter, 0.06);
+  }
+  for (const Warnings& warnings : {result->warnings_x, result->warnings_y}) {
+    EXPECT_THAT(warnings, Contains(HasSubstr("7 separate components")));
+    EXPECT_THAT(warnings,
+                Contains(HasSubstr("20 vertices of small components follow")));
+  }
+}
+
 }  // namespace
 }  // namespace isomatch
