@@ -104,14 +104,9 @@ absl::Status DeformableSurface::Step(const Positions& targets,
                                      const std::stop_token& stop,
                                      Positions* positions) {
   const auto n = static_cast<VertexIndex>(rest_.rows());
-  const VertexIndex tasks = (n + kVerticesPerTask - 1) / kVerticesPerTask;
   const auto for_each_vertex = [&](const auto& body) {
-    return ParallelFor(tasks, stop, [&](std::int64_t task) {
-      const auto begin = static_cast<VertexIndex>(task * kVerticesPerTask);
-      for (VertexIndex v = begin; v < std::min(n, begin + kVerticesPerTask);
-           ++v) {
-        body(v);
-      }
+    return ParallelForBlocks(n, kVerticesPerTask, stop, [&](std::int64_t v) {
+      body(static_cast<VertexIndex>(v));
     });
   };
   ISOMATCH_RETURN_IF_ERROR(

@@ -21,18 +21,6 @@ constexpr double kOverrelaxation = 1;
 /// How much more than others a landmark is pulled.
 constexpr double kLandmarkPull = 100;
 
-absl::Status ForEachVertex(VertexIndex n, const std::stop_token& stop,
-                           const std::function<void(VertexIndex)>& body) {
-  const VertexIndex tasks = (n + kVerticesPerTask - 1) / kVerticesPerTask;
-  return ParallelFor(tasks, stop, [&](std::int64_t task) {
-    const auto begin = static_cast<VertexIndex>(task * kVerticesPerTask);
-    for (VertexIndex v = begin; v < std::min(n, begin + kVerticesPerTask);
-         ++v) {
-      body(v);
-    }
-  });
-}
-
 }  // namespace
 
 ElasticAlignment::ElasticAlignment(const AlignmentShape& shape_x,
@@ -117,15 +105,23 @@ VertexIndex ElasticAlignment::MostAlike(VertexIndex x,
   return best;
 }
 
+absl::Status ElasticAlignment::ForEachVertexOfX(
+    const std::stop_token& stop,
+    const std::function<void(VertexIndex)>& body) const {
+  return ParallelForBlocks(
+      x_.mesh.num_vertices(), kVerticesPerTask, stop,
+      [&](std::int64_t x) { body(static_cast<VertexIndex>(x)); });
+}
+
 absl::Status ElasticAlignment::FindAlike(const std::stop_token& stop) {
   const VertexMap before = y_from_x_;
-  return ForEachVertex(x_.mesh.num_vertices(), stop, [&](VertexIndex x) {
+  return ForEachVertexOfX(stop, [&](VertexIndex x) {
     y_from_x_[x] = fixed_[x] != kNoVertex ? fixed_[x] : MostAlike(x, before);
   });
 }
 
 absl::Status ElasticAlignment::FindPoints(const std::stop_token& stop) {
-  return ForEachVertex(x_.mesh.num_vertices(), stop, [&](VertexIndex x) {
+  return ForEachVertexOfX(stop, [&](VertexIndex x) {
     const bool fixed = fixed_[x] != kNoVertex;
     const Eigen::RowVector3d aligned = aligned_.positions.row(x);
     const Eigen::RowVector3d wanted =

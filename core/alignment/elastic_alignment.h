@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <stop_token>
 #include <vector>
 
@@ -79,6 +80,9 @@ class ElasticAlignment {
   double NormalMismatch(VertexIndex x) const;
 
  private:
+  absl::Status ForEachVertexOfX(
+      const std::stop_token& stop,
+      const std::function<void(VertexIndex)>& body) const;
   void DescribeY();
   void DescribeX();
   absl::Status FindAlike(const std::stop_token& stop);

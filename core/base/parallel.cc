@@ -1,5 +1,7 @@
 #include "core/base/parallel.h"
 
+#include <algorithm>
+
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 #include <tbb/parallel_invoke.h>
@@ -18,6 +20,15 @@ absl::Status ParallelFor(std::int64_t count, const std::stop_token& stop,
                       }
                     });
   return CheckNotCancelled(stop);
+}
+
+absl::Status ParallelForBlocks(std::int64_t count, std::int64_t block,
+                               const std::stop_token& stop,
+                               const std::function<void(std::int64_t)>& body) {
+  return ParallelFor((count + block - 1) / block, stop, [&](std::int64_t task) {
+    const std::int64_t end = std::min(count, (task + 1) * block);
+    for (std::int64_t i = task * block; i < end; ++i) body(i);
+  });
 }
 
 absl::Status RunBoth(const std::function<absl::Status()>& first,

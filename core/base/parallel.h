@@ -17,6 +17,11 @@ namespace isomatch {
 absl::Status ParallelFor(std::int64_t count, const std::stop_token& stop,
                          const std::function<void(std::int64_t)>& body);
 
+/// The same in tasks of `block` indices each, for bodies that are quick.
+absl::Status ParallelForBlocks(std::int64_t count, std::int64_t block,
+                               const std::stop_token& stop,
+                               const std::function<void(std::int64_t)>& body);
+
 /// Runs both functions, at the same time where threads allow, and returns the
 /// first error in argument order.
 absl::Status RunBoth(const std::function<absl::Status()>& first,

@@ -4,6 +4,7 @@
 #include <numeric>
 #include <tuple>
 
+#include "core/mesh/mesh_geometry.h"
 #include "core/mesh/vertex_stars.h"
 
 namespace isomatch {
@@ -84,6 +85,24 @@ Components ConnectedComponents(const TriangleMesh& mesh) {
         root == v ? components.count++ : components.of_vertex[root];
   }
   return components;
+}
+
+std::vector<int> LargeComponents(const TriangleMesh& mesh,
+                                 const Components& components) {
+  constexpr double kSmall = 0.05;
+  std::vector<double> areas(components.count, 0);
+  for (VertexIndex f = 0; f < mesh.num_faces(); ++f) {
+    areas[components.of_vertex[mesh.faces(f, 0)]] += FaceArea(mesh, f);
+  }
+  std::vector<int> order(components.count);
+  std::iota(order.begin(), order.end(), 0);
+  std::stable_sort(order.begin(), order.end(),
+                   [&](int a, int b) { return areas[a] > areas[b]; });
+  const auto small = std::find_if(order.begin(), order.end(), [&](int c) {
+    return areas[c] < kSmall * areas[order[0]];
+  });
+  order.erase(small, order.end());
+  return order;
 }
 
 int CountNonManifoldVertices(const TriangleMesh& mesh) {

@@ -45,6 +45,11 @@ struct Components {
 };
 Components ConnectedComponents(const TriangleMesh& mesh);
 
+/// Components of at least a twentieth of the largest one's area, by falling
+/// area, ties by number.
+std::vector<int> LargeComponents(const TriangleMesh& mesh,
+                                 const Components& components);
+
 /// Number of vertices at which two or more fans of faces meet that share no
 /// edge there. Time O(m).
 int CountNonManifoldVertices(const TriangleMesh& mesh);

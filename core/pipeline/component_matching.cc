@@ -9,17 +9,15 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "core/base/nearest_columns.h"
 #include "core/base/status_macros.h"
 #include "core/geodesic/distance_field_solver.h"
 #include "core/geodesic/farthest_point_sampling.h"
 #include "core/mesh/mesh_geometry.h"
+#include "core/mesh/nearest_vertices.h"
 
 namespace isomatch {
 namespace {
 
-/// Of the largest component's area.
-constexpr double kSmallComponent = 0.05;
 /// Beyond this many large parts they are matched as one.
 constexpr std::size_t kMostParts = 8;
 /// Cost of a whole size apart in space, against a factor of e in area: decides
@@ -271,19 +269,9 @@ class Merger {
       }
     }
     if (followers.empty()) return absl::OkStatus();
-    // Single precision will do for a shape of about unit size.
-    const Eigen::RowVector3d center = mesh_x_.positions.colwise().mean();
-    const double size =
-        (mesh_x_.positions.rowwise() - center).cwiseAbs().maxCoeff();
-    const auto columns = [&](const VertexMap& vertices) -> PointColumns {
-      return ((mesh_x_.positions(vertices, Eigen::all).rowwise() - center) /
-              size)
-          .transpose()
-          .cast<float>();
-    };
     ISOMATCH_ASSIGN_OR_RETURN(
         const VertexMap nearest,
-        NearestColumns(columns(followers), columns(leaders), stop));
+        NearestVertices(mesh_x_.positions, followers, leaders, stop));
     for (std::size_t i = 0; i < followers.size(); ++i) {
       const VertexIndex leader = leaders[nearest[i]];
       result_.y_from_x[followers[i]] = result_.y_from_x[leader];
@@ -309,19 +297,15 @@ MeshParts SplitIntoParts(const TriangleMesh& mesh) {
   MeshParts parts;
   parts.clean = Clean(mesh);
   parts.components = ConnectedComponents(parts.clean.mesh);
-  std::vector<double> areas(parts.components.count, 0);
+  parts.large = LargeComponents(parts.clean.mesh, parts.components);
+  parts.areas.assign(parts.large.size(), 0);
   for (VertexIndex f = 0; f < parts.clean.mesh.num_faces(); ++f) {
-    areas[parts.components.of_vertex[parts.clean.mesh.faces(f, 0)]] +=
-        FaceArea(parts.clean.mesh, f);
-  }
-  std::vector<int> order(areas.size());
-  std::iota(order.begin(), order.end(), 0);
-  std::stable_sort(order.begin(), order.end(),
-                   [&](int a, int b) { return areas[a] > areas[b]; });
-  for (const int component : order) {
-    if (areas[component] < kSmallComponent * areas[order[0]]) break;
-    parts.large.push_back(component);
-    parts.areas.push_back(areas[component]);
+    const int component =
+        parts.components.of_vertex[parts.clean.mesh.faces(f, 0)];
+    const auto at =
+        std::find(parts.large.begin(), parts.large.end(), component);
+    if (at == parts.large.end()) continue;
+    parts.areas[at - parts.large.begin()] += FaceArea(parts.clean.mesh, f);
   }
   return parts;
 }

@@ -2,43 +2,31 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "core/base/nearest_columns.h"
 #include "core/base/status_macros.h"
 #include "core/geodesic/farthest_point_sampling.h"
 #include "core/mesh/clean_mesh.h"
 #include "core/mesh/mesh_geometry.h"
+#include "core/mesh/nearest_vertices.h"
 #include "core/mesh/topology.h"
 
 namespace isomatch {
 namespace {
 
-/// Of the largest component's area: smaller components follow their
-/// surroundings.
-constexpr double kSmallComponent = 0.05;
-
 /// Components large enough to take part, and no more of them than basis points
 /// can serve: each needs some of its own.
-std::vector<bool> LargeComponents(const TriangleMesh& mesh,
-                                  const Components& components) {
-  std::vector<double> areas(components.count, 0);
-  for (VertexIndex f = 0; f < mesh.num_faces(); ++f) {
-    areas[components.of_vertex[mesh.faces(f, 0)]] += FaceArea(mesh, f);
-  }
-  std::vector<int> order(components.count);
-  std::iota(order.begin(), order.end(), 0);
-  std::stable_sort(order.begin(), order.end(),
-                   [&](int a, int b) { return areas[a] > areas[b]; });
+std::vector<bool> TakingPart(const TriangleMesh& mesh,
+                             const Components& components) {
+  const std::vector<int> large = LargeComponents(mesh, components);
   const auto most = static_cast<std::size_t>(
       std::max(1, BasisPoints::DefaultCount(mesh.num_vertices()) / 2));
-  std::vector<bool> large(components.count, false);
-  for (std::size_t i = 0; i < std::min(most, order.size()); ++i) {
-    large[order[i]] = areas[order[i]] >= kSmallComponent * areas[order[0]];
+  std::vector<bool> taking_part(components.count, false);
+  for (std::size_t i = 0; i < std::min(most, large.size()); ++i) {
+    taking_part[large[i]] = true;
   }
-  return large;
+  return taking_part;
 }
 
 /// Splits the vertices of a mesh into those kept and those left out.
@@ -84,18 +72,9 @@ TriangleMesh Submesh(const TriangleMesh& mesh, const Selected& selected) {
 absl::Status StandInForLeftOut(const Positions& positions, Selected* selected,
                                const std::stop_token& stop) {
   if (selected->left_out.empty()) return absl::OkStatus();
-  // Single precision will do for a shape of about unit size.
-  const Eigen::RowVector3d center = positions.colwise().mean();
-  const double size = (positions.rowwise() - center).cwiseAbs().maxCoeff();
-  const auto columns = [&](const VertexMap& vertices) -> PointColumns {
-    return ((positions(vertices, Eigen::all).rowwise() - center) / size)
-        .transpose()
-        .cast<float>();
-  };
-  ISOMATCH_ASSIGN_OR_RETURN(
-      const VertexMap nearest,
-      NearestColumns(columns(selected->left_out),
-                     columns(selected->old_from_new), stop));
+  ISOMATCH_ASSIGN_OR_RETURN(const VertexMap nearest,
+                            NearestVertices(positions, selected->left_out,
+                                            selected->old_from_new, stop));
   for (std::size_t i = 0; i < nearest.size(); ++i) {
     selected->new_from_old[selected->left_out[i]] = nearest[i];
   }
@@ -117,7 +96,7 @@ absl::StatusOr<WorkingMesh> MakeWorkingMesh(const TriangleMesh& mesh,
   CleanMesh clean = Clean(mesh);
   const Components components = ConnectedComponents(clean.mesh);
   Selected selected =
-      SelectVertices(components, LargeComponents(clean.mesh, components));
+      SelectVertices(components, TakingPart(clean.mesh, components));
   WorkingMesh working;
   working.mesh = Submesh(clean.mesh, selected);
   ISOMATCH_RETURN_IF_ERROR(

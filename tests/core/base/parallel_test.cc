@@ -37,5 +37,15 @@ TEST(RunBothTest, ReturnsTheFirstErrorInArgumentOrder) {
               StatusIs(absl::StatusCode::kNotFound, "first"));
 }
 
+TEST(ParallelForBlocksTest, VisitsEveryIndexOnceWhateverTheBlock) {
+  for (const std::int64_t count : {0, 1, 99, 100, 101}) {
+    std::vector<std::atomic<int>> visits(count);
+    ASSERT_THAT(
+        ParallelForBlocks(count, 10, {}, [&](std::int64_t i) { ++visits[i]; }),
+        IsOk());
+    for (const auto& visit : visits) EXPECT_EQ(visit, 1);
+  }
+}
+
 }  // namespace
 }  // namespace isomatch

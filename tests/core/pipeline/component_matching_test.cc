@@ -9,6 +9,7 @@
 
 #include "tests/support/dirty_meshes.h"
 #include "tests/support/matchers.h"
+#include "tests/support/quick_options.h"
 #include "tests/support/shapes.h"
 
 namespace isomatch {
@@ -71,12 +72,7 @@ TEST(PartsTest, EqualOnesArePairedByPlaceUnlessLandmarksSayOtherwise) {
 TEST(MatchByPartsTest, OneWithoutACounterpartFollowsAndIsReported) {
   const TriangleMesh two = Row({FiveArms(3), Scaled(BumpySphere(3), 0.7)});
   const TriangleMesh one = FiveArms(3);
-  MatchOptions options;
-  options.max_seeds = 200;
-  options.pool_size = 400;
-  options.first_stage_matches = 80;
-  options.alignment_basis = 60;
-  const auto found = Match(two, one, {}, options);
+  const auto found = Match(two, one, {}, QuickOptions());
   ASSERT_THAT(found, IsOk());
   int right = 0;
   for (VertexIndex v = 0; v < one.num_vertices(); ++v) {

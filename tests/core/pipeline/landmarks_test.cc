@@ -15,6 +15,7 @@
 #include "tests/support/dirty_meshes.h"
 #include "tests/support/hashed_test_shape.h"
 #include "tests/support/matchers.h"
+#include "tests/support/quick_options.h"
 #include "tests/support/shapes.h"
 
 namespace isomatch {
@@ -26,18 +27,6 @@ using testing::HasSubstr;
 using testing::IsEmpty;
 
 using Landmarks = std::vector<Landmark>;
-
-/// Options that keep the tests quick: fewer seeds, smaller bases.
-MatchOptions QuickOptions() {
-  MatchOptions options;
-  options.first_stage_matches = 80;
-  options.seed_points = 5;
-  options.max_seeds = 200;
-  options.selection_rounds = {{12, 40}, {40, 10}};
-  options.pool_size = 400;
-  options.alignment_basis = 60;
-  return options;
-}
 
 double FractionRight(const VertexMap& found, const VertexMap& truth) {
   int right = 0;

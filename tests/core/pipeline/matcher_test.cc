@@ -13,6 +13,7 @@
 
 #include "core/evaluation/geodesic_error.h"
 #include "tests/support/matchers.h"
+#include "tests/support/quick_options.h"
 #include "tests/support/shapes.h"
 
 namespace isomatch {
@@ -25,22 +26,16 @@ using testing::HasSubstr;
 constexpr auto kInvalid = absl::StatusCode::kInvalidArgument;
 constexpr Profile kProfiles[] = {Profile::kDefault, Profile::kPaper};
 
-/// Options that keep the tests quick: fewer seeds, smaller bases.
-MatchOptions QuickOptions(Profile profile = Profile::kDefault) {
+/// QuickOptions for either profile.
+MatchOptions QuickOptionsOf(Profile profile) {
+  if (profile == Profile::kDefault) return QuickOptions();
   MatchOptions options = MatchOptions::ForProfile(profile);
   options.first_stage_matches = 80;
   options.seed_points = 5;
-  if (profile == Profile::kDefault) {
-    options.max_seeds = 200;
-    options.selection_rounds = {{12, 40}, {40, 10}};
-    options.pool_size = 400;
-  } else {
-    // The five arms differ enough for Eq. 8 to be a fair judge of few seeds.
-    options.max_seeds = 24;
-    options.selection = Selection::kEmbeddingError;
-  }
-  if (profile == Profile::kPaper) options.zoomout_end = 60;
-  options.alignment_basis = 60;
+  // The five arms differ enough for Eq. 8 to be a fair judge of few seeds.
+  options.max_seeds = 24;
+  options.selection = Selection::kEmbeddingError;
+  options.zoomout_end = 60;
   return options;
 }
 
@@ -55,7 +50,7 @@ TEST(MatcherTest, UndoesARelabelling) {
   const auto permutation = RandomPermutation(mesh.num_vertices(), /*seed=*/1);
   for (const Profile profile : kProfiles) {
     const auto found = Match(mesh, Moved(Relabelled(mesh, permutation), 37), {},
-                             QuickOptions(profile));
+                             QuickOptionsOf(profile));
     ASSERT_THAT(found, IsOk());
     EXPECT_GT(FractionRight(found->y_from_x, permutation), 0.99)
         << ProfileName(profile);
@@ -72,13 +67,13 @@ TEST(MatcherTest, MatchesDifferentResolutionsBothWays) {
   VertexMap truth(fine.num_vertices(), kNoVertex);
   for (VertexIndex v = 0; v < coarse.num_vertices(); ++v) truth[v] = v;
   for (const Profile profile : kProfiles) {
-    const auto down = Match(fine, coarse, {}, QuickOptions(profile));
+    const auto down = Match(fine, coarse, {}, QuickOptionsOf(profile));
     ASSERT_THAT(down, IsOk());
     const auto error =
         GeodesicErrorMeter(coarse).Measure(down->y_from_x, truth);
     ASSERT_THAT(error, IsOk());
     EXPECT_LT(error->mean_over_diameter, 0.03) << ProfileName(profile);
-    const auto up = Match(coarse, fine, {}, QuickOptions(profile));
+    const auto up = Match(coarse, fine, {}, QuickOptionsOf(profile));
     ASSERT_THAT(up, IsOk());
     truth.resize(coarse.num_vertices());
     const auto error_up = GeodesicErrorMeter(fine).Measure(up->y_from_x, truth);
@@ -131,7 +126,7 @@ TEST(MatcherTest, SameBytesAtAnyThreadCountAndOtherOnesForAnotherSeed) {
   const TriangleMesh x = FiveArms(3);
   const TriangleMesh y = BumpySphere(3);
   for (const Profile profile : kProfiles) {
-    MatchOptions options = QuickOptions(profile);
+    MatchOptions options = QuickOptionsOf(profile);
     options.temperature = 0.5;
     std::vector<VertexMap> maps;
     for (const int threads : {1, 4, 8}) {
@@ -319,7 +314,7 @@ TEST(MatcherTest, RefusesBadMeshesAndOptions) {
 TEST(MatcherTest, ProgressRisesThroughTheStagesToOne) {
   for (const Profile profile : kProfiles) {
     std::vector<Progress> seen;
-    ASSERT_THAT(Match(FiveArms(3), FiveArms(3), {}, QuickOptions(profile),
+    ASSERT_THAT(Match(FiveArms(3), FiveArms(3), {}, QuickOptionsOf(profile),
                       [&](const Progress& p) { seen.push_back(p); }),
                 IsOk());
     ASSERT_FALSE(seen.empty());
@@ -336,7 +331,7 @@ TEST(MatcherTest, ProgressRisesThroughTheStagesToOne) {
 }
 
 TEST(MatcherTest, StageMapsAreKeptOnRequest) {
-  MatchOptions options = QuickOptions(Profile::kPaper);
+  MatchOptions options = QuickOptionsOf(Profile::kPaper);
   options.keep_stage_maps = true;
   const auto found = Match(FiveArms(3), FiveArms(3), {}, options);
   ASSERT_THAT(found, IsOk());
@@ -360,7 +355,7 @@ TEST(MatcherTest, StopsPromptlyInEveryStage) {
       bool reached = false;
       int later_stages = 0;
       const auto result = Match(
-          FiveArms(3), FiveArms(3), {}, QuickOptions(profile),
+          FiveArms(3), FiveArms(3), {}, QuickOptionsOf(profile),
           [&](const Progress& p) {
             if (static_cast<int>(p.stage) == stage) {
               reached = true;

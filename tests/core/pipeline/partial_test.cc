@@ -11,6 +11,7 @@
 #include "core/pipeline/matcher.h"
 #include "tests/support/dirty_meshes.h"
 #include "tests/support/matchers.h"
+#include "tests/support/quick_options.h"
 #include "tests/support/shapes.h"
 
 namespace isomatch {
@@ -22,18 +23,6 @@ using testing::HasSubstr;
 const Eigen::RowVector3d kLongestArm(1, 0.1, 0.05);
 const Eigen::RowVector3d kSecondArm(0.2, 1, 0.1);
 const Eigen::RowVector3d kFourthArm(-0.6, -0.9, 0.2);
-
-/// Options that keep the tests quick: fewer seeds, smaller bases.
-MatchOptions QuickOptions() {
-  MatchOptions options;
-  options.first_stage_matches = 80;
-  options.seed_points = 5;
-  options.max_seeds = 200;
-  options.selection_rounds = {{12, 40}, {40, 10}};
-  options.pool_size = 400;
-  options.alignment_basis = 60;
-  return options;
-}
 
 /// FiveArms, and the same relabelled and moved without one arm.
 class PartialTest : public testing::Test {

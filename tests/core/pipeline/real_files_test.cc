@@ -14,6 +14,7 @@
 #include "core/pipeline/matcher.h"
 #include "tests/support/dirty_meshes.h"
 #include "tests/support/matchers.h"
+#include "tests/support/quick_options.h"
 #include "tests/support/shapes.h"
 
 namespace isomatch {
@@ -28,18 +29,6 @@ using Warnings = std::vector<std::string>;
 
 /// Direction of the fourth of the five arms.
 const Eigen::RowVector3d kFourthArm(-0.6, -0.9, 0.2);
-
-/// Options that keep the tests quick: fewer seeds, smaller bases.
-MatchOptions QuickOptions() {
-  MatchOptions options;
-  options.first_stage_matches = 80;
-  options.seed_points = 5;
-  options.max_seeds = 200;
-  options.selection_rounds = {{12, 40}, {40, 10}};
-  options.pool_size = 400;
-  options.alignment_basis = 60;
-  return options;
-}
 
 /// One result, its map expressed in vertices of the good mesh.
 struct Measured {
