@@ -159,25 +159,31 @@ TEST_F(IsomatchClientTest, ALostDownloadGoesOnWhereItWas) {
 
 TEST_F(IsomatchClientTest, ADownloadGoesOnAtItsOffsetAndDoesNotBeginAnew) {
   ConnectWithSmallRequests();
-  gate_open_ = false;
   on_found_ = FindEverything;
   MatchRequest request = LargePair();
   request.parts = {v1::RESULT_PART_PRECISE_MAP};
-  auto result = StartMatch(request);
-  WaitForMatches(1);
-  const std::int64_t before = proxy_->bytes_passed(TcpProxy::kToClient);
-  // Late in the precise map, 24 bytes a vertex after the map's 4.
+  // 4 bytes a vertex for the map, then 24 for the precise map.
   const std::int64_t map_bytes = 4 * request.mesh_x.num_vertices();
-  proxy_->CutAfter(TcpProxy::kToClient, 6 * map_bytes);
-  gate_open_ = true;
-  const absl::StatusOr<MatchResult> found = result.get();
-  ExpectMap(request, found);
-  EXPECT_EQ(proxy_->cuts(), 1);
-  ASSERT_TRUE(found->precise);
-  EXPECT_THAT(found->precise->back().weights,
-              testing::ElementsAre(0.5, 0.375, 0.125));
-  // Sent twice: what was in flight, less than a whole map.
-  EXPECT_LT(proxy_->bytes_passed(TcpProxy::kToClient) - before, 10 * map_bytes);
+  // What is in flight when the connection is cut is sent twice; on a busy
+  // machine that can be nearly all of it. Beginning anew always sends 12 maps.
+  bool went_on = false;
+  for (int attempt = 1; attempt <= 10 && !went_on; ++attempt) {
+    gate_open_ = false;
+    auto result = StartMatch(request);
+    WaitForMatches(attempt);
+    const std::int64_t before = proxy_->bytes_passed(TcpProxy::kToClient);
+    proxy_->CutAfter(TcpProxy::kToClient, 6 * map_bytes);
+    gate_open_ = true;
+    const absl::StatusOr<MatchResult> found = result.get();
+    ExpectMap(request, found);
+    EXPECT_EQ(proxy_->cuts(), attempt);
+    ASSERT_TRUE(found->precise);
+    EXPECT_THAT(found->precise->back().weights,
+                testing::ElementsAre(0.5, 0.375, 0.125));
+    went_on =
+        proxy_->bytes_passed(TcpProxy::kToClient) - before < 10 * map_bytes;
+  }
+  EXPECT_TRUE(went_on);
 }
 
 TEST_F(IsomatchClientTest, OnlyThePartsAskedForAreDownloaded) {
