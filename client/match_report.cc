@@ -41,6 +41,7 @@ Json ScoresJson(const v1::MapScores& scores) {
           {"orientation_score", scores.orientation_score()},
           {"curvature_mismatch", scores.curvature_mismatch()},
           {"normal_mismatch", scores.normal_mismatch()},
+          {"descriptor_mismatch", scores.descriptor_mismatch()},
           {"stretch", scores.stretch()},
           {"landmark_contradiction", scores.landmark_contradiction()},
           {"rank_value", scores.rank_value()}};

@@ -12,8 +12,8 @@ import sys
 BASE = {"core/base"}
 MESH = BASE | {"core/mesh"}
 GEODESIC = MESH | {"core/geodesic"}
-CORE = GEODESIC | {"core/io", "core/matching", "core/spectral",
-                   "core/alignment", "core/evaluation", "core/pipeline"}
+CORE = GEODESIC | {"core/descriptor", "core/io", "core/matching",
+                   "core/spectral", "core/alignment", "core/evaluation", "core/pipeline"}
 
 # Layer -> the layers it may include besides itself.
 ALLOWED = {
@@ -21,6 +21,7 @@ ALLOWED = {
     "core/mesh": BASE,
     "core/io": MESH,
     "core/geodesic": MESH,
+    "core/descriptor": MESH,
     "core/matching": GEODESIC,
     "core/spectral": MESH,
     "core/alignment": MESH | {"core/spectral"},

@@ -32,8 +32,6 @@ ElasticAlignment::ElasticAlignment(const AlignmentShape& shape_x,
       options_(options),
       basis_(std::min(
           {options.basis, shape_x.spectral.size(), shape_y.spectral.size()})),
-      stars_x_(shape_x.mesh),
-      stars_y_(shape_y.mesh),
       surface_(shape_x.mesh, shape_x.laplacian),
       aligned_(shape_x.mesh),
       y_from_x_(std::move(y_from_x)),
@@ -95,12 +93,12 @@ VertexIndex ElasticAlignment::MostAlike(VertexIndex x,
     least = unlikeness;
     best = y;
   };
-  for (const VertexIndex neighbor : stars_x_.Neighbors(x)) {
+  for (const VertexIndex neighbor : x_.stars.Neighbors(x)) {
     if (before[neighbor] != best) offer(before[neighbor]);
   }
   for (VertexIndex from = kNoVertex; from != best;) {
     from = best;
-    for (const VertexIndex y : stars_y_.Neighbors(from)) offer(y);
+    for (const VertexIndex y : y_.stars.Neighbors(from)) offer(y);
   }
   return best;
 }
@@ -126,7 +124,7 @@ absl::Status ElasticAlignment::FindPoints(const std::stop_token& stop) {
     const Eigen::RowVector3d aligned = aligned_.positions.row(x);
     const Eigen::RowVector3d wanted =
         fixed ? Eigen::RowVector3d(y_.mesh.positions.row(fixed_[x])) : aligned;
-    points_[x] = NearestOnFaces(y_.mesh, stars_y_.Faces(y_from_x_[x]), wanted);
+    points_[x] = NearestOnFaces(y_.mesh, y_.stars.Faces(y_from_x_[x]), wanted);
     targets_.row(x) = PositionOf(y_.mesh, points_[x]);
     if (!fixed)
       targets_.row(x) += kOverrelaxation * (targets_.row(x) - aligned);

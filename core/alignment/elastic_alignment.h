@@ -24,6 +24,7 @@ struct AlignmentShape {
   const Positions& normals;
   const CotanLaplacian& laplacian;
   const SpectralBasis& spectral;
+  const VertexStars& stars;
 };
 
 /// What makes two points of the aligned surfaces alike: squared differences of
@@ -94,8 +95,6 @@ class ElasticAlignment {
   const AlignmentShape y_;
   const AlignmentOptions options_;
   const int basis_;
-  VertexStars stars_x_;
-  VertexStars stars_y_;
   DeformableSurface surface_;
   TriangleMesh aligned_;  ///< X laid on Y
   Positions normals_;     ///< of aligned_

@@ -5,50 +5,31 @@
 #include <limits>
 #include <utility>
 
+#include "core/base/parallel.h"
 #include "core/base/status_macros.h"
+#include "core/mesh/mesh_geometry.h"
 #include "core/spectral/functional_map.h"
 #include "core/spectral/wavelet_filter.h"
 
 namespace isomatch {
 namespace {
 
-/// Rounds of the coarse alignment by which distinct maps are judged.
-constexpr int kCoarseRounds = 4;
-/// Rounds between two stiffnesses of the alignment.
-constexpr int kRoundsPerStiffness = 3;
+/// Rounds of alignment after which distinct maps are judged.
+constexpr int kJudgedRounds = 10;
+/// Rounds between two stiffnesses.
+constexpr int kRoundsPerStiffness = 2;
 /// Scales of the wavelet filter.
 constexpr int kWaveletScales = 6;
+/// Vertices of a side that are described; they hold all that a functional map
+/// of alignment_basis eigenfunctions can.
+constexpr std::int64_t kDescribedVertices = 6000;
+/// How far DescriptorOffsets looks.
+constexpr double kOffsetReach = 0.12;
+/// A descriptor's ball holds some rings of the coarser mesh.
+constexpr double kLeastEdgesInRadius = 3;
 /// Below these, factors of the rank value are rounding.
 constexpr double kPerfectRank = 1e-8;
 constexpr double kPerfectFit = 1e-4;
-
-absl::Status FilterWavelets(const AlignmentShape& shape_x,
-                            const AlignmentShape& shape_y,
-                            const MatchOptions& options,
-                            const std::stop_token& stop, VertexMap* y_from_x) {
-  const SpectralBasis& x = shape_x.spectral;
-  const SpectralBasis& y = shape_y.spectral;
-  const int k = std::min({options.alignment_basis, x.size(), y.size()});
-  const Eigen::MatrixXd filter = WaveletFilter(
-      x.eigenvalues.head(k), y.eigenvalues.head(k), kWaveletScales);
-  for (int round = 0; round < options.wavelet_rounds; ++round) {
-    const Eigen::MatrixXd fmap_x_from_y =
-        FunctionalMapFromVertexMap(x, y, *y_from_x, k).cwiseProduct(filter);
-    ISOMATCH_ASSIGN_OR_RETURN(
-        *y_from_x, VertexMapFromFunctionalMap(x, y, fmap_x_from_y, stop));
-  }
-  return absl::OkStatus();
-}
-
-void Judge(const ElasticAlignment& alignment, bool oriented,
-           MapScores* scores) {
-  const AlignmentScore score = alignment.Score();
-  scores->normal_mismatch = oriented ? score.normal_mismatch : 0;
-  scores->stretch = score.stretch;
-  const double shown = oriented ? score.normal_mismatch : score.stretch;
-  scores->rank_value =
-      std::max(scores->rank_value, kPerfectRank) * std::max(shown, kPerfectFit);
-}
 
 }  // namespace
 
@@ -70,30 +51,131 @@ FirstStageOptions FirstStageOptionsOf(const MatchOptions& options,
   return first;
 }
 
-absl::StatusOr<std::unique_ptr<ElasticAlignment>> ChooseByAlignment(
-    const AlignmentShape& shape_x, const AlignmentShape& shape_y, bool oriented,
-    const MatchOptions& options, const std::function<void(double)>& progress,
-    const std::stop_token& stop, std::vector<Candidate>* candidates) {
+CandidateChoice::CandidateChoice(const AlignmentShape& shape_x,
+                                 const AlignmentShape& shape_y, bool oriented,
+                                 const MatchOptions& options,
+                                 const std::stop_token& stop)
+    : x_(shape_x),
+      y_(shape_y),
+      surface_x_{x_.mesh, x_.normals, x_.laplacian.mass, x_.stars},
+      surface_y_{y_.mesh, y_.normals, y_.laplacian.mass, y_.stars},
+      oriented_(oriented),
+      options_(options),
+      stop_(stop),
+      radius_(std::max(
+          options.descriptor_radius,
+          kLeastEdgesInRadius *
+              std::max(MeanEdgeLength(x_.mesh), MeanEdgeLength(y_.mesh)))) {}
+
+absl::Status CandidateChoice::Describe() {
+  return RunBoth(
+      [&]() -> absl::Status {
+        ISOMATCH_ASSIGN_OR_RETURN(
+            descriptors_x_,
+            DescribeShape(surface_x_, kDescribedVertices, radius_, stop_));
+        return absl::OkStatus();
+      },
+      [&]() -> absl::Status {
+        ISOMATCH_ASSIGN_OR_RETURN(
+            descriptors_y_,
+            DescribeShape(surface_y_, kDescribedVertices, radius_, stop_));
+        return absl::OkStatus();
+      });
+}
+
+/// Looks for the most alike vertices near the images, then lets the wavelet
+/// filter find the smooth map behind those noisy matches.
+absl::Status CandidateChoice::Filter(VertexMap* y_from_x) const {
+  const int k = std::min(
+      {options_.alignment_basis, x_.spectral.size(), y_.spectral.size()});
+  const Eigen::MatrixXd filter =
+      WaveletFilter(x_.spectral.eigenvalues.head(k),
+                    y_.spectral.eigenvalues.head(k), kWaveletScales);
+  VertexMap matches = *y_from_x;
+  if (described()) {
+    ISOMATCH_ASSIGN_OR_RETURN(
+        matches, MatchNearby(descriptors_x_, descriptors_y_, surface_y_,
+                             *y_from_x, NearbyMatchOptions(), stop_));
+  }
+  for (int round = 0; round < options_.wavelet_rounds; ++round) {
+    const Eigen::MatrixXd fmap_x_from_y =
+        FunctionalMapFromVertexMap(x_.spectral, y_.spectral, matches, k)
+            .cwiseProduct(filter);
+    ISOMATCH_ASSIGN_OR_RETURN(
+        matches, VertexMapFromFunctionalMap(x_.spectral, y_.spectral,
+                                            fmap_x_from_y, stop_));
+    *y_from_x = matches;
+  }
+  return absl::OkStatus();
+}
+
+absl::Status CandidateChoice::RunRounds(
+    int begin, int end, const std::function<void(double)>& progress,
+    ElasticAlignment* alignment) const {
+  const double fall =
+      options_.alignment_stiffness_last / options_.alignment_stiffness_first;
+  const int last_step = (options_.alignment_rounds - 1) / kRoundsPerStiffness;
+  for (int round = begin; round < end;) {
+    const int step = round / kRoundsPerStiffness;
+    const int next = std::min(end, (step + 1) * kRoundsPerStiffness);
+    const double part = last_step > 0 ? double(step) / last_step : 1;
+    ISOMATCH_RETURN_IF_ERROR(alignment->Run(
+        options_.alignment_stiffness_first * std::pow(fall, part), next - round,
+        stop_));
+    round = next;
+    progress(double(round - begin) / (end - begin));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status CandidateChoice::Judge(const ElasticAlignment& alignment,
+                                    MapScores* scores) const {
+  const AlignmentScore score = alignment.Score();
+  scores->stretch = score.stretch;
+  double misfit = score.stretch;
+  if (oriented_) {
+    scores->normal_mismatch = misfit = score.normal_mismatch;
+  }
+  if (described()) {
+    ISOMATCH_ASSIGN_OR_RETURN(
+        scores->descriptor_mismatch,
+        DescriptorMismatch(descriptors_x_, surface_y_, alignment.y_from_x(),
+                           radius_, stop_));
+    misfit *= scores->descriptor_mismatch;
+  }
+  misfit = std::max(misfit, kPerfectFit);
+  scores->rank_value =
+      std::max(scores->rank_value, kPerfectRank) * misfit * misfit;
+  return absl::OkStatus();
+}
+
+absl::StatusOr<std::unique_ptr<ElasticAlignment>> CandidateChoice::Choose(
+    const std::function<void(double)>& progress,
+    std::vector<Candidate>* candidates) {
   AlignmentOptions alignment_options;
-  alignment_options.basis = options.alignment_basis;
-  if (!oriented) alignment_options.normal_weight = 0;
+  alignment_options.basis = options_.alignment_basis;
+  if (!oriented_) alignment_options.normal_weight = 0;
+  if (described()) ISOMATCH_RETURN_IF_ERROR(Describe());
+  const int rounds = std::min(kJudgedRounds, options_.alignment_rounds);
   std::unique_ptr<ElasticAlignment> best;
   double least = std::numeric_limits<double>::infinity();
   for (std::size_t i = 0; i < candidates->size(); ++i) {
     Candidate& candidate = (*candidates)[i];
-    ISOMATCH_RETURN_IF_ERROR(
-        FilterWavelets(shape_x, shape_y, options, stop, &candidate.y_from_x));
+    ISOMATCH_RETURN_IF_ERROR(Filter(&candidate.y_from_x));
+    candidate.filtered = candidate.y_from_x;
     auto alignment = std::make_unique<ElasticAlignment>(
-        shape_x, shape_y, alignment_options, candidate.y_from_x);
-    ISOMATCH_RETURN_IF_ERROR(
-        alignment->Run(options.alignment_stiffness_first, kCoarseRounds, stop));
+        x_, y_, alignment_options, candidate.y_from_x);
+    const auto report = [&](double fraction) {
+      progress((double(i) + fraction) /
+               static_cast<double>(candidates->size()));
+    };
+    ISOMATCH_RETURN_IF_ERROR(RunRounds(0, rounds, report, alignment.get()));
     candidate.y_from_x = alignment->y_from_x();
-    Judge(*alignment, oriented, &candidate.scores);
+    ISOMATCH_RETURN_IF_ERROR(Judge(*alignment, &candidate.scores));
     if (candidate.scores.rank_value < least) {
       least = candidate.scores.rank_value;
       best = std::move(alignment);
     }
-    progress(double(i + 1) / static_cast<double>(candidates->size()));
   }
   std::stable_sort(candidates->begin(), candidates->end(),
                    [](const Candidate& a, const Candidate& b) {
@@ -102,33 +184,35 @@ absl::StatusOr<std::unique_ptr<ElasticAlignment>> ChooseByAlignment(
   return best;
 }
 
-absl::Status FinishAlignment(const MatchOptions& options,
-                             const std::function<void(double)>& progress,
-                             const std::stop_token& stop,
-                             ElasticAlignment* alignment) {
-  const double fall =
-      options.alignment_stiffness_last / options.alignment_stiffness_first;
-  const int last = options.alignment_rounds - kRoundsPerStiffness;
-  for (int done = 0; done < options.alignment_rounds;) {
-    const double part = last > 0 ? std::min(1.0, double(done) / last) : 1;
-    const int rounds =
-        std::min(kRoundsPerStiffness, options.alignment_rounds - done);
-    ISOMATCH_RETURN_IF_ERROR(
-        alignment->Run(options.alignment_stiffness_first * std::pow(fall, part),
-                       rounds, stop));
-    done += rounds;
-    progress(double(done) / options.alignment_rounds);
+absl::Status CandidateChoice::Finish(
+    const std::function<void(double)>& progress,
+    ElasticAlignment* alignment) const {
+  return RunRounds(std::min(kJudgedRounds, options_.alignment_rounds),
+                   options_.alignment_rounds, progress, alignment);
+}
+
+absl::StatusOr<std::vector<float>> CandidateChoice::DescriptorOffsets(
+    const VertexMap& y_from_x) const {
+  std::vector<float> offsets(y_from_x.size(), -1);
+  if (!described()) return offsets;
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const VertexMap alike,
+      MatchNearby(descriptors_x_, descriptors_y_, surface_y_, y_from_x,
+                  {.reach = kOffsetReach}, stop_));
+  for (std::size_t x = 0; x < alike.size(); ++x) {
+    if (alike[x] == kNoVertex) continue;
+    offsets[x] = static_cast<float>(
+        (y_.mesh.positions.row(alike[x]) - y_.mesh.positions.row(y_from_x[x]))
+            .norm());
   }
-  return absl::OkStatus();
+  return offsets;
 }
 
 double SymmetryConfidence(const MatchOptions& options,
                           const std::vector<Candidate>& candidates) {
   if (options.candidates == 1 || options.alignment_rounds == 0) return 0;
   if (candidates.size() < 2) return 1;
-  const double ratio =
-      candidates[0].scores.rank_value / candidates[1].scores.rank_value;
-  return 1 - ratio * ratio;
+  return 1 - candidates[0].scores.rank_value / candidates[1].scores.rank_value;
 }
 
 }  // namespace isomatch

@@ -8,6 +8,7 @@
 #include "absl/status/statusor.h"
 #include "core/alignment/elastic_alignment.h"
 #include "core/base/vertex_index.h"
+#include "core/descriptor/nearby_match.h"
 #include "core/matching/first_stage.h"
 #include "core/pipeline/match_options.h"
 #include "core/pipeline/matcher.h"
@@ -18,6 +19,7 @@ namespace isomatch {
 struct Candidate {
   std::vector<VertexMatch> sparse;
   VertexMap y_from_x;
+  VertexMap filtered;  ///< y_from_x before the elastic alignment
   MapScores scores;
   double objective = 0;  ///< Eq. 4
 };
@@ -26,25 +28,61 @@ struct Candidate {
 FirstStageOptions FirstStageOptionsOf(const MatchOptions& options,
                                       std::size_t num_landmarks);
 
-/// Refines every candidate's dense map by wavelet filtering and lays it out by
-/// a coarse elastic alignment; completes the scores, whose rank value is that
-/// of the first stage times the mismatch of normals (the stretch where surfaces
-/// are not `oriented`); sorts by it and returns the alignment of the best.
+/// Refines dense maps by descriptors, wavelet filter and elastic alignment, and
+/// chooses among them.
 ///
-/// REQUIRES: at least one candidate, all dense. Errors as ElasticAlignment.
-absl::StatusOr<std::unique_ptr<ElasticAlignment>> ChooseByAlignment(
-    const AlignmentShape& shape_x, const AlignmentShape& shape_y, bool oriented,
-    const MatchOptions& options, const std::function<void(double)>& progress,
-    const std::stop_token& stop, std::vector<Candidate>* candidates);
+/// References and `stop` must outlive it. Not thread-safe.
+class CandidateChoice {
+ public:
+  /// `oriented`: normals of both mean something.
+  CandidateChoice(const AlignmentShape& shape_x, const AlignmentShape& shape_y,
+                  bool oriented, const MatchOptions& options,
+                  const std::stop_token& stop);
 
-/// The rounds of options.alignment_rounds, at falling stiffness.
-absl::Status FinishAlignment(const MatchOptions& options,
-                             const std::function<void(double)>& progress,
-                             const std::stop_token& stop,
-                             ElasticAlignment* alignment);
+  /// Refines every candidate's dense map and lays it out by the first rounds of
+  /// the elastic alignment; completes the scores and multiplies the rank value
+  /// of the first stage with the squared mismatches of normals and descriptors
+  /// (where surfaces are not oriented, with the squared stretch); sorts by it
+  /// and returns the alignment of the best.
+  ///
+  /// REQUIRES: at least one candidate, all dense. Errors as ElasticAlignment.
+  absl::StatusOr<std::unique_ptr<ElasticAlignment>> Choose(
+      const std::function<void(double)>& progress,
+      std::vector<Candidate>* candidates);
 
-/// 1 - (rank value of the best / of the next)^2; 1 without a next, 0 when
-/// nothing was compared. REQUIRES: sorted.
+  /// The rounds that Choose has left.
+  absl::Status Finish(const std::function<void(double)>& progress,
+                      ElasticAlignment* alignment) const;
+
+  /// How far from the image of each vertex of X, in sqrt(area), the vertex near
+  /// it with the most alike descriptor lies; -1 where nothing is described.
+  absl::StatusOr<std::vector<float>> DescriptorOffsets(
+      const VertexMap& y_from_x) const;
+
+ private:
+  absl::Status Describe();
+  absl::Status Filter(VertexMap* y_from_x) const;
+  absl::Status RunRounds(int begin, int end,
+                         const std::function<void(double)>& progress,
+                         ElasticAlignment* alignment) const;
+  absl::Status Judge(const ElasticAlignment& alignment,
+                     MapScores* scores) const;
+  bool described() const { return oriented_ && options_.descriptor_radius > 0; }
+
+  const AlignmentShape x_;
+  const AlignmentShape y_;
+  const DescribedSurface surface_x_;
+  const DescribedSurface surface_y_;
+  const bool oriented_;
+  const MatchOptions& options_;
+  const std::stop_token& stop_;
+  double radius_;  ///< of the descriptors, sqrt(area)
+  ShapeDescriptors descriptors_x_;
+  ShapeDescriptors descriptors_y_;
+};
+
+/// 1 - rank value of the best / of the next; 1 without a next, 0 when nothing
+/// was compared. REQUIRES: sorted.
 double SymmetryConfidence(const MatchOptions& options,
                           const std::vector<Candidate>& candidates);
 

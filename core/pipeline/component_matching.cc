@@ -238,6 +238,7 @@ class Merger {
     whole->orientation_score += weight * part.orientation_score;
     whole->curvature_mismatch += weight * part.curvature_mismatch;
     whole->normal_mismatch += weight * part.normal_mismatch;
+    whole->descriptor_mismatch += weight * part.descriptor_mismatch;
     whole->stretch += weight * part.stretch;
     whole->landmark_contradiction += weight * part.landmark_contradiction;
     whole->rank_value += weight * part.rank_value;

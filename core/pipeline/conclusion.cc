@@ -47,6 +47,7 @@ std::vector<PrecisePoint> PrecisePoints(
 absl::Status ReportQuality(const std::array<WorkingMesh, 2>& working,
                            const VertexMap& y_from_x,
                            const VertexMap& coarse_map,
+                           const std::vector<float>& offsets,
                            const ElasticAlignment* alignment,
                            const std::stop_token& stop,
                            Correspondence* result) {
@@ -66,7 +67,7 @@ absl::Status ReportQuality(const std::array<WorkingMesh, 2>& working,
   ISOMATCH_ASSIGN_OR_RETURN(const MapMeasures measures,
                             MeasureMap(mesh_x, mesh_y, y_from_x, images, stop));
   const std::vector<float> confidence = ConfidenceOf(
-      {measures.distortions, moved, residuals}, VertexStars(mesh_x));
+      {measures.distortions, moved, residuals, offsets}, working[kX].stars);
   for (const VertexIndex x : working[kX].working_from_user) {
     result->confidence.push_back(x == kNoVertex ? 0 : confidence[x]);
   }

@@ -9,15 +9,17 @@ namespace {
 /// Unit of the expected error, sqrt(area).
 constexpr double kUnit = 0.05;
 /// Expected error: what no sign tells, and per unit of each sign.
-constexpr double kBase = 0.01;
-constexpr double kPerMoved = 0.7;
-constexpr double kPerResidual = 2;
-/// Bodies of different people differ by this much where the map is right.
-constexpr double kUsualDistortion = 0.04;
+constexpr double kBase = 0.005;
+constexpr double kPerMoved = 0.25;
+constexpr double kPerResidual = 1.3;
+constexpr double kPerOffset = 0.13;
+/// Poses of one body differ by this much where the map is right.
+constexpr double kUsualDistortion = 0.08;
 constexpr double kPerDistortion = 1;
 constexpr int kSmoothings = 5;
 
 /// Averages over one-rings, over and over: signs are noisy, errors are not.
+/// Negative values are not known, and become what is known around them.
 std::vector<double> Smoothed(absl::Span<const float> values,
                              const VertexStars& stars) {
   std::vector<double> current(values.begin(), values.end());
@@ -25,9 +27,16 @@ std::vector<double> Smoothed(absl::Span<const float> values,
   for (int round = 0; round < kSmoothings; ++round) {
     for (std::size_t v = 0; v < values.size(); ++v) {
       const auto neighbors = stars.Neighbors(static_cast<VertexIndex>(v));
-      double sum = current[v];
-      for (const VertexIndex neighbor : neighbors) sum += current[neighbor];
-      next[v] = sum / static_cast<double>(neighbors.size() + 1);
+      double sum = 0;
+      int known = 0;
+      const auto add = [&](double value) {
+        if (value < 0) return;
+        sum += value;
+        ++known;
+      };
+      add(current[v]);
+      for (const VertexIndex neighbor : neighbors) add(current[neighbor]);
+      next[v] = known > 0 ? sum / known : -1;
     }
     current.swap(next);
   }
@@ -50,6 +59,7 @@ std::vector<float> ConfidenceOf(const ErrorSigns& signs,
   add(signs.distortions, kUsualDistortion, kPerDistortion);
   add(signs.moved, 0, kPerMoved);
   add(signs.residuals, 0, kPerResidual);
+  add(signs.offsets, 0, kPerOffset);
   std::vector<float> confidence;
   for (const double e : expected) {
     confidence.push_back(static_cast<float>(std::exp(-e / kUnit)));

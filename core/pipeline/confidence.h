@@ -11,16 +11,19 @@ namespace isomatch {
 struct ErrorSigns {
   /// Median geodesic distortion (core/evaluation/map_quality.h).
   absl::Span<const float> distortions;
-  /// How far the elastic alignment moved the image since it was coarse, and how
-  /// far the laid-on surface stays away from it. Empty without alignment.
+  /// How far the elastic alignment moved the image since the wavelet filter,
+  /// how far the laid-on surface stays away from it, and how far from it the
+  /// vertex with the most alike descriptor lies. A negative entry is not known.
+  /// Each may be empty.
   absl::Span<const float> moved;
   absl::Span<const float> residuals;
+  absl::Span<const float> offsets;
 };
 
 /// Returns the confidence of each vertex, exp(-e / 0.05) for an expected error
 /// e, in sqrt(area), that is linear in the signs averaged over neighbourhoods.
-/// The coefficients were fitted to the true errors of FAUST pairs; see
-/// core/README.md for how well it ranks.
+/// The coefficients were fitted to the true errors of 23 FAUST and TOSCA pairs;
+/// see core/README.md for how well it ranks.
 std::vector<float> ConfidenceOf(const ErrorSigns& signs,
                                 const VertexStars& stars_x);
 

@@ -63,6 +63,8 @@ absl::Status ValidateAlignment(const MatchOptions& o) {
   ISOMATCH_RETURN_IF_ERROR(InRange("candidates", o.candidates, 1, 8));
   ISOMATCH_RETURN_IF_ERROR(
       InRange("candidate_margin", o.candidate_margin, 1.0, 1e6));
+  ISOMATCH_RETURN_IF_ERROR(
+      InRange("descriptor_radius", o.descriptor_radius, 0.0, 1.0));
   ISOMATCH_RETURN_IF_ERROR(InRange("wavelet_rounds", o.wavelet_rounds, 0, 100));
   ISOMATCH_RETURN_IF_ERROR(
       InRange("alignment_rounds", o.alignment_rounds, 0, 1000));

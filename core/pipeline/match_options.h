@@ -101,13 +101,16 @@ struct MatchOptions {
   int zoomout_end = 0;
   int zoomout_step = 5;
 
-  /// Refinement of the dense map in place of ZoomOut; not in the paper. Rounds
-  /// of wavelet filtering (core/spectral/wavelet_filter.h) before the elastic
+  /// Refinement of the dense map in place of ZoomOut; not in the paper. The
+  /// radius of descriptors (core/descriptor/shot_descriptor.h) by which better
+  /// images are looked for nearby, 0 to leave them out, in [0, 1]; rounds of
+  /// wavelet filtering (core/spectral/wavelet_filter.h) before the elastic
   /// alignment, and rounds of that (core/alignment/elastic_alignment.h) at
-  /// stiffness falling from first to last. alignment_rounds 0 leaves both out;
-  /// it excludes ZoomOut.
-  int wavelet_rounds = 4;
-  int alignment_rounds = 42;
+  /// stiffness falling from first to last. alignment_rounds 0 leaves all of it
+  /// out; it excludes ZoomOut.
+  double descriptor_radius = 0.08;
+  int wavelet_rounds = 2;
+  int alignment_rounds = 16;
   int alignment_basis = 128;
   double alignment_stiffness_first = 0.03;
   double alignment_stiffness_last = 0.001;

@@ -293,7 +293,7 @@ class Matcher {
 
   AlignmentShape ShapeOf(Side side) const {
     return {working_[side].mesh, working_[side].normals, laplacian_[side],
-            spectral_[side]};
+            spectral_[side], working_[side].stars};
   }
 
   /// A mirrored map, as landmarks may want it, is an elastic motion of the
@@ -309,10 +309,9 @@ class Matcher {
     if (options_.alignment_rounds == 0) return absl::OkStatus();
     progress_.Begin(Stage::kChoice);
     if (oriented() && best().scores.orientation_score < 0) Reflect();
+    choice_.emplace(ShapeOf(kX), ShapeOf(kY), oriented(), options_, stop_);
     ISOMATCH_ASSIGN_OR_RETURN(
-        alignment_,
-        ChooseByAlignment(ShapeOf(kX), ShapeOf(kY), oriented(), options_,
-                          progress_.Part(0, 1), stop_, &candidates_));
+        alignment_, choice_->Choose(progress_.Part(0, 1), &candidates_));
     Keep(Stage::kChoice);
     return absl::OkStatus();
   }
@@ -352,10 +351,11 @@ class Matcher {
       }
     }
     alignment_->Fix(kept);
-    coarse_map_ = best().y_from_x;
-    ISOMATCH_RETURN_IF_ERROR(FinishAlignment(options_, progress_.Part(0, 1),
-                                             stop_, alignment_.get()));
+    ISOMATCH_RETURN_IF_ERROR(
+        choice_->Finish(progress_.Part(0, 1), alignment_.get()));
     best().y_from_x = alignment_->y_from_x();
+    ISOMATCH_ASSIGN_OR_RETURN(offsets_,
+                              choice_->DescriptorOffsets(best().y_from_x));
     Keep(Stage::kAlignment);
     return absl::OkStatus();
   }
@@ -368,8 +368,8 @@ class Matcher {
     result_.precise =
         PrecisePoints(working_, alignment_.get(), result_.y_from_x);
     ISOMATCH_RETURN_IF_ERROR(ReportQuality(working_, best().y_from_x,
-                                           coarse_map_, alignment_.get(), stop_,
-                                           &result_));
+                                           best().filtered, offsets_,
+                                           alignment_.get(), stop_, &result_));
     result_.area_x = working_[kX].area;
     result_.area_y = working_[kY].area;
     result_.warnings_x = working_[kX].warnings;
@@ -453,9 +453,10 @@ class Matcher {
   std::array<PointPool, 2> pools_;
   std::array<CandidateSearch, 2> search_;
   std::array<PointFrames, 2> frames_;
-  std::vector<Candidate> candidates_;            ///< the best first
+  std::vector<Candidate> candidates_;  ///< the best first
+  std::optional<CandidateChoice> choice_;
   std::unique_ptr<ElasticAlignment> alignment_;  ///< of the best
-  VertexMap coarse_map_;                         ///< the best as it was chosen
+  std::vector<float> offsets_;                   ///< DescriptorOffsets of it
   Correspondence result_;
 };
 

@@ -79,8 +79,10 @@ struct MapScores {
   double orientation_score = 0;
   /// Mean difference of mean curvature over the sparse matches, 1 / sqrt(area).
   double curvature_mismatch = 0;
-  /// After coarse elastic alignment; 0 without it. See AlignmentScore.
+  /// After coarse elastic alignment; 0 without it. See AlignmentScore and
+  /// DescriptorMismatch.
   double normal_mismatch = 0;
+  double descriptor_mismatch = 0;
   double stretch = 0;
   /// Fraction of the landmarks that the map contradicts.
   double landmark_contradiction = 0;

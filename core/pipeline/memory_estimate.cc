@@ -29,6 +29,7 @@ struct ShapeBytes {
   double pool;           ///< closeness table and frames of the first stage
   double dense_columns;  ///< closeness of every vertex to the sparse matches
   double zoomout;        ///< single-precision bases
+  double descriptors;    ///< from the choice to the end
   double alignment;      ///< features, factor, rotations, normals
 };
 
@@ -78,6 +79,11 @@ ShapeBytes BytesOf(MeshSize mesh, std::int64_t num_landmarks,
                             : 0;
   bytes.zoomout = 2 * 4 * n * count;
   // Two alignments at once: the best yet and the one under judgement.
+  // The most that are described, and 352 floats each.
+  constexpr double kDescribed = 6000;
+  bytes.descriptors = options.alignment_rounds > 0
+                          ? 4 * 352 * std::min(n, kDescribed) + 16 * n
+                          : 0;
   bytes.alignment = options.alignment_rounds > 0
                         ? 2 * (4 * n * (count + 6) + 1200 * n + 40 * m +
                                12 * n * 3 * std::log2(std::max(n, 2.0)))
@@ -132,7 +138,8 @@ std::int64_t EstimateMemoryBytes(MeshSize x, MeshSize y,
           MatchingBytes(x, y, num_landmarks, options, threads),
       late + both(&ShapeBytes::dense_columns) + environments,
       late + both(&ShapeBytes::zoomout),
-      late + both(&ShapeBytes::zoomout) + both(&ShapeBytes::alignment),
+      late + both(&ShapeBytes::zoomout) + both(&ShapeBytes::descriptors) +
+          both(&ShapeBytes::alignment),
   });
   constexpr double kLargest = 9e18;
   return static_cast<std::int64_t>(std::min(peak + kFixed, kLargest));

@@ -117,6 +117,7 @@ absl::StatusOr<WorkingMesh> MakeWorkingMesh(const TriangleMesh& mesh,
   }
   Normalise(&working);
   working.normals = VertexNormals(working.mesh);
+  working.stars = VertexStars(working.mesh);
   return working;
 }
 

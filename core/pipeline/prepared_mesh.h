@@ -10,6 +10,7 @@
 #include "core/geodesic/basis_points.h"
 #include "core/geodesic/distance_field_solver.h"
 #include "core/mesh/triangle_mesh.h"
+#include "core/mesh/vertex_stars.h"
 
 namespace isomatch {
 
@@ -20,6 +21,7 @@ struct WorkingMesh {
   /// at the origin and of surface area 1.
   TriangleMesh mesh;
   Positions normals;
+  VertexStars stars;
   /// Working vertex that stands for each of the user's: its own, or for one on
   /// a left-out component the nearest in space; kNoVertex on no face.
   VertexMap working_from_user;

@@ -96,6 +96,7 @@ void SetScores(const StoredScores& scores, v1::MapScores& proto) {
   proto.set_orientation_score(scores.orientation_score);
   proto.set_curvature_mismatch(scores.curvature_mismatch);
   proto.set_normal_mismatch(scores.normal_mismatch);
+  proto.set_descriptor_mismatch(scores.descriptor_mismatch);
   proto.set_stretch(scores.stretch);
   proto.set_landmark_contradiction(scores.landmark_contradiction);
   proto.set_rank_value(scores.rank_value);

@@ -96,6 +96,7 @@ struct StoredScores {
   double orientation_score = 0;
   double curvature_mismatch = 0;
   double normal_mismatch = 0;
+  double descriptor_mismatch = 0;
   double stretch = 0;
   double landmark_contradiction = 0;
   double rank_value = 0;

@@ -52,6 +52,7 @@ const std::map<std::string, Setter>& Setters() {
       {"zoomout_step", SetMember(&O::zoomout_step)},
       {"candidates", SetMember(&O::candidates)},
       {"candidate_margin", SetMember(&O::candidate_margin)},
+      {"descriptor_radius", SetMember(&O::descriptor_radius)},
       {"wavelet_rounds", SetMember(&O::wavelet_rounds)},
       {"alignment_rounds", SetMember(&O::alignment_rounds)},
       {"alignment_basis", SetMember(&O::alignment_basis)},

@@ -49,8 +49,8 @@ void FindEverything(absl::Span<const Landmark> landmarks,
         1 / (2 + static_cast<float>(found.confidence.size())));
     other.push_back(next);
   }
-  found.scores = {1, -0.5, 3, 4, 5, 0.25, 7};
-  found.alternatives = {{other, {8, 9, 10, 11, 12, 13, 14}},
+  found.scores = {1, -0.5, 3, 4, 1.5, 5, 0.25, 7};
+  found.alternatives = {{other, {8, 9, 10, 11, 0.5, 12, 13, 14}},
                         {found.y_from_x, {.rank_value = 15}}};
   found.quality = {0.125, 0.875, 0.0625, /*unmatched=*/0};
   found.symmetry_confidence = 0.125;

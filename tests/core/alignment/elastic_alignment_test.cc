@@ -19,13 +19,17 @@ struct Prepared {
     normals = VertexNormals(mesh);
     laplacian = BuildCotanLaplacian(mesh);
     spectral = *ComputeSpectralBasis(laplacian, 40, {});
+    stars = VertexStars(mesh);
   }
-  AlignmentShape shape() const { return {mesh, normals, laplacian, spectral}; }
+  AlignmentShape shape() const {
+    return {mesh, normals, laplacian, spectral, stars};
+  }
 
   TriangleMesh mesh;
   Positions normals;
   CotanLaplacian laplacian;
   SpectralBasis spectral;
+  VertexStars stars;
 };
 
 /// `mesh` bent around an axis: nearly isometric, differently posed.

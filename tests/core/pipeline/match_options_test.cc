@@ -89,6 +89,8 @@ TEST(MatchOptionsTest, EveryWrongValueIsNamed) {
           {"candidates", [](MatchOptions& o) { o.candidates = 0; }},
           {"candidate_margin",
            [](MatchOptions& o) { o.candidate_margin = 0.5; }},
+          {"descriptor_radius",
+           [](MatchOptions& o) { o.descriptor_radius = 1.5; }},
           {"wavelet_rounds", [](MatchOptions& o) { o.wavelet_rounds = -1; }},
           {"alignment_rounds",
            [](MatchOptions& o) { o.alignment_rounds = 2000; }},

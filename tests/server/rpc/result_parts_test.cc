@@ -152,6 +152,7 @@ TEST_F(ResultPartsTest, TheFiguresOfTheMapAreTold) {
   EXPECT_EQ(info.orientation_score(), -0.5);
   EXPECT_EQ(info.scores().curvature_mismatch(), 3);
   EXPECT_EQ(info.scores().normal_mismatch(), 4);
+  EXPECT_EQ(info.scores().descriptor_mismatch(), 1.5);
   EXPECT_EQ(info.scores().stretch(), 5);
   EXPECT_EQ(info.scores().landmark_contradiction(), 0.25);
   EXPECT_EQ(info.scores().rank_value(), 7);

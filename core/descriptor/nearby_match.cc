@@ -1,0 +1,115 @@
+#include "core/descriptor/nearby_match.h"
+
+#include <algorithm>
+#include <limits>
+#include <utility>
+
+#include "core/base/parallel.h"
+#include "core/base/status_macros.h"
+#include "core/mesh/connected_ball.h"
+
+namespace isomatch {
+namespace {
+
+constexpr std::int64_t kVerticesPerTask = 256;
+/// Vertices whose descriptors DescriptorMismatch compares.
+constexpr std::size_t kProbes = 1500;
+
+/// Vertices at even steps of area, in order of index; all if there are no more
+/// than `count`.
+std::vector<VertexIndex> EvenlyByArea(const Eigen::VectorXd& areas,
+                                      std::int64_t count) {
+  std::vector<VertexIndex> chosen;
+  const double step =
+      areas.size() <= count ? 0 : areas.sum() / static_cast<double>(count);
+  double passed = 0;
+  double next = 0.5 * step;
+  for (Eigen::Index v = 0; v < areas.size(); ++v) {
+    passed += areas[v];
+    if (passed < next) continue;
+    chosen.push_back(static_cast<VertexIndex>(v));
+    while (step > 0 && next <= passed) next += step;
+  }
+  return chosen;
+}
+
+}  // namespace
+
+absl::StatusOr<ShapeDescriptors> DescribeShape(const DescribedSurface& surface,
+                                               std::int64_t count,
+                                               double radius,
+                                               const std::stop_token& stop) {
+  ShapeDescriptors described;
+  described.vertices = EvenlyByArea(surface.areas, count);
+  ISOMATCH_ASSIGN_OR_RETURN(
+      described.columns,
+      ShotDescriptors(surface, described.vertices, radius, stop));
+  described.column_of_vertex.assign(surface.mesh.num_vertices(), -1);
+  for (std::size_t i = 0; i < described.vertices.size(); ++i) {
+    described.column_of_vertex[described.vertices[i]] = static_cast<int>(i);
+  }
+  return described;
+}
+
+absl::StatusOr<VertexMap> MatchNearby(const ShapeDescriptors& x,
+                                      const ShapeDescriptors& y,
+                                      const DescribedSurface& surface_y,
+                                      const VertexMap& y_from_x,
+                                      const NearbyMatchOptions& options,
+                                      const std::stop_token& stop) {
+  VertexMap matches(y_from_x.size(), kNoVertex);
+  const double per_square =
+      options.distance_weight / (options.reach * options.reach);
+  const auto most_alike = [&](std::int64_t i, ConnectedBall* around) {
+    VertexIndex best = kNoVertex;
+    double least = std::numeric_limits<double>::infinity();
+    const VertexIndex image = y_from_x[x.vertices[i]];
+    for (const auto& [v, distance] : around->Around(image, options.reach)) {
+      const int column = y.column_of_vertex[v];
+      if (column < 0) continue;
+      const double unlikeness =
+          (x.columns.col(i) - y.columns.col(column)).squaredNorm() +
+          per_square * distance * distance;
+      if (unlikeness >= least) continue;
+      least = unlikeness;
+      best = v;
+    }
+    return best;
+  };
+  const auto count = static_cast<std::int64_t>(x.vertices.size());
+  ISOMATCH_RETURN_IF_ERROR(ParallelFor(
+      (count + kVerticesPerTask - 1) / kVerticesPerTask, stop,
+      [&](std::int64_t task) {
+        ConnectedBall around(surface_y.mesh, surface_y.stars);
+        const std::int64_t end = std::min(count, (task + 1) * kVerticesPerTask);
+        for (std::int64_t i = task * kVerticesPerTask; i < end; ++i) {
+          matches[x.vertices[i]] = most_alike(i, &around);
+        }
+      }));
+  return matches;
+}
+
+absl::StatusOr<double> DescriptorMismatch(const ShapeDescriptors& x,
+                                          const DescribedSurface& surface_y,
+                                          const VertexMap& y_from_x,
+                                          double radius,
+                                          const std::stop_token& stop) {
+  const std::size_t probes = std::min(kProbes, x.vertices.size());
+  std::vector<Eigen::Index> columns;
+  std::vector<VertexIndex> images;
+  for (std::size_t i = 0; i < probes; ++i) {
+    const std::size_t column = i * x.vertices.size() / probes;
+    columns.push_back(static_cast<Eigen::Index>(column));
+    images.push_back(y_from_x[x.vertices[column]]);
+  }
+  ISOMATCH_ASSIGN_OR_RETURN(const PointColumns found,
+                            ShotDescriptors(surface_y, images, radius, stop));
+  double sum = 0;
+  for (std::size_t i = 0; i < probes; ++i) {
+    sum += (x.columns.col(columns[i]) - found.col(static_cast<int>(i)))
+               .squaredNorm();
+  }
+  return sum / static_cast<double>(probes);
+}
+
+}  // namespace isomatch

@@ -1,0 +1,54 @@
+#pragma once
+
+#include <stop_token>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "core/base/nearest_columns.h"
+#include "core/base/vertex_index.h"
+#include "core/descriptor/shot_descriptor.h"
+
+namespace isomatch {
+
+/// Descriptors of some vertices of one surface.
+struct ShapeDescriptors {
+  std::vector<VertexIndex> vertices;
+  /// One a column, in that order.
+  PointColumns columns;
+  /// Column of each vertex of the surface, -1 without.
+  std::vector<int> column_of_vertex;
+};
+
+/// Describes up to `count` vertices, chosen evenly by area. As ShotDescriptors.
+absl::StatusOr<ShapeDescriptors> DescribeShape(const DescribedSurface& surface,
+                                               std::int64_t count,
+                                               double radius,
+                                               const std::stop_token& stop);
+
+struct NearbyMatchOptions {
+  /// How far from its image a better one is looked for, mesh units of Y.
+  double reach = 0.2;
+  /// What that distance weighs beside squared differences of descriptors, all
+  /// of it counting as 1.
+  double distance_weight = 0.05;
+};
+
+/// Returns for each described vertex of X, of those on Y near where `y_from_x`
+/// (dense) sends it, the most alike one; kNoVertex for the others, and where
+/// nothing near is described.
+absl::StatusOr<VertexMap> MatchNearby(const ShapeDescriptors& x,
+                                      const ShapeDescriptors& y,
+                                      const DescribedSurface& surface_y,
+                                      const VertexMap& y_from_x,
+                                      const NearbyMatchOptions& options,
+                                      const std::stop_token& stop);
+
+/// Mean squared difference between the descriptors of vertices of X and of
+/// their images, 0 to 2, over evenly chosen ones of those described.
+absl::StatusOr<double> DescriptorMismatch(const ShapeDescriptors& x,
+                                          const DescribedSurface& surface_y,
+                                          const VertexMap& y_from_x,
+                                          double radius,
+                                          const std::stop_token& stop);
+
+}  // namespace isomatch

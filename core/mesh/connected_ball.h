@@ -1,0 +1,38 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "core/base/vertex_index.h"
+#include "core/mesh/triangle_mesh.h"
+#include "core/mesh/vertex_stars.h"
+
+namespace isomatch {
+
+/// The part of a surface around a vertex: what edges reach from it without
+/// leaving a ball in space, so that a limb that only touches stays out.
+///
+/// Memory O(n), used again and again. Not thread-safe. References must outlive
+/// it.
+class ConnectedBall {
+ public:
+  struct Member {
+    VertexIndex vertex;
+    double distance;  ///< from the centre, straight, mesh units
+  };
+
+  ConnectedBall(const TriangleMesh& mesh, const VertexStars& stars);
+
+  /// The vertices nearer than `radius`, the centre first, in an order that
+  /// depends on the mesh alone. Valid until the next call. Time O(members).
+  const std::vector<Member>& Around(VertexIndex center, double radius);
+
+ private:
+  const TriangleMesh& mesh_;
+  const VertexStars& stars_;
+  std::vector<Member> members_;
+  std::uint32_t visit_ = 0;
+  std::vector<std::uint32_t> visited_;  ///< the last visit of each vertex
+};
+
+}  // namespace isomatch

@@ -1,0 +1,113 @@
+#include "core/descriptor/shot_descriptor.h"
+
+#include <cmath>
+#include <numeric>
+
+#include <gtest/gtest.h>
+
+#include "core/mesh/mesh_geometry.h"
+#include "core/spectral/cotan_laplacian.h"
+#include "tests/support/dirty_meshes.h"
+#include "tests/support/matchers.h"
+#include "tests/support/shapes.h"
+
+namespace isomatch {
+namespace {
+
+struct Described {
+  Described(TriangleMesh surface, double radius)
+      : mesh(std::move(surface)),
+        normals(VertexNormals(mesh)),
+        areas(BuildCotanLaplacian(mesh).mass),
+        stars(mesh) {
+    VertexMap all(mesh.num_vertices());
+    std::iota(all.begin(), all.end(), 0);
+    columns = *ShotDescriptors({mesh, normals, areas, stars}, all, radius, {});
+  }
+
+  TriangleMesh mesh;
+  Positions normals;
+  Eigen::VectorXd areas;
+  VertexStars stars;
+  PointColumns columns;
+};
+
+/// Of the first `count` descriptors of both.
+double MeanDifference(const Described& a, const Described& b,
+                      Eigen::Index count) {
+  return (a.columns.leftCols(count) - b.columns.leftCols(count))
+      .colwise()
+      .squaredNorm()
+      .mean();
+}
+
+/// What descriptors of different places differ by.
+double UsualDifference(const Described& a) {
+  const Eigen::Index n = a.columns.cols();
+  double sum = 0;
+  for (Eigen::Index v = 0; v < n; ++v) {
+    sum += (a.columns.col(v) - a.columns.col((v + n / 2) % n)).squaredNorm();
+  }
+  return sum / static_cast<double>(n);
+}
+
+constexpr double kRadius = 0.8;
+
+TEST(ShotDescriptorTest, HasLengthOne) {
+  const Described arms(FiveArms(3), kRadius);
+  ASSERT_EQ(arms.columns.rows(), kShotSize);
+  for (Eigen::Index v = 0; v < arms.columns.cols(); ++v) {
+    EXPECT_NEAR(arms.columns.col(v).norm(), 1, 1e-5);
+  }
+  EXPECT_GE(arms.columns.minCoeff(), 0);
+}
+
+TEST(ShotDescriptorTest, MovingAndScalingTheShapeChangesNothing) {
+  const Described arms(FiveArms(4), kRadius);
+  const Described moved(Moved(FiveArms(4), 7), 7 * kRadius);
+  // Where the surface is alike in all directions, rounding chooses the frame.
+  const Eigen::ArrayXf differences =
+      (arms.columns - moved.columns).colwise().squaredNorm().transpose();
+  EXPECT_GT((differences < 1e-5).count(), 0.9 * double(differences.size()));
+}
+
+TEST(ShotDescriptorTest, TheDensityOfTheMeshHardlyShows) {
+  const DirtyMesh arms = Untouched(FiveArms(4));
+  const DirtyMesh uneven = Refined(arms, Beyond({1, 0, 0}, 0));
+  ASSERT_GT(uneven.mesh.num_vertices(), 1.3 * arms.mesh.num_vertices());
+  const Described even_columns(arms.mesh, kRadius);
+  const Described uneven_columns(uneven.mesh, kRadius);
+  EXPECT_LT(
+      MeanDifference(even_columns, uneven_columns, arms.mesh.num_vertices()),
+      0.2 * UsualDifference(even_columns));
+}
+
+TEST(ShotDescriptorTest, AMirrorImageLooksDifferent) {
+  const Described arms(FiveArms(3), kRadius);
+  TriangleMesh reflected = FiveArms(3);
+  reflected.positions.col(0) *= -1;
+  reflected.faces.col(1).swap(reflected.faces.col(2));
+  const Described mirrored(reflected, kRadius);
+  EXPECT_GT(MeanDifference(arms, mirrored, arms.columns.cols()), 0.05);
+}
+
+TEST(ShotDescriptorTest, IsFiniteWhereTheBallHoldsOnlyItsCentre) {
+  const Described lonely(FiveArms(1), 1e-3);
+  EXPECT_TRUE(lonely.columns.allFinite());
+}
+
+TEST(ShotDescriptorTest, StopsWhenAsked) {
+  const TriangleMesh mesh = FiveArms(2);
+  const Positions normals = VertexNormals(mesh);
+  const Eigen::VectorXd areas = BuildCotanLaplacian(mesh).mass;
+  const VertexStars stars(mesh);
+  std::stop_source source;
+  source.request_stop();
+  EXPECT_THAT(ShotDescriptors({mesh, normals, areas, stars}, {0, 1}, kRadius,
+                              source.get_token())
+                  .status(),
+              StatusIs(absl::StatusCode::kCancelled, testing::_));
+}
+
+}  // namespace
+}  // namespace isomatch
