@@ -7,6 +7,7 @@
 #include "core/base/parallel.h"
 #include "core/base/status_macros.h"
 #include "core/mesh/connected_ball.h"
+#include "core/mesh/surface_samples.h"
 
 namespace isomatch {
 namespace {
@@ -14,24 +15,6 @@ namespace {
 constexpr std::int64_t kVerticesPerTask = 256;
 /// Vertices whose descriptors DescriptorMismatch compares.
 constexpr std::size_t kProbes = 1500;
-
-/// Vertices at even steps of area, in order of index; all if there are no more
-/// than `count`.
-std::vector<VertexIndex> EvenlyByArea(const Eigen::VectorXd& areas,
-                                      std::int64_t count) {
-  std::vector<VertexIndex> chosen;
-  const double step =
-      areas.size() <= count ? 0 : areas.sum() / static_cast<double>(count);
-  double passed = 0;
-  double next = 0.5 * step;
-  for (Eigen::Index v = 0; v < areas.size(); ++v) {
-    passed += areas[v];
-    if (passed < next) continue;
-    chosen.push_back(static_cast<VertexIndex>(v));
-    while (step > 0 && next <= passed) next += step;
-  }
-  return chosen;
-}
 
 }  // namespace
 

@@ -11,21 +11,25 @@ namespace {
 /// Changes below this are rounding of single-precision sums, no improvement.
 constexpr double kRounding = 1e-5;
 
-/// The `count` largest entries of `closeness` other than `self` that `allowed`
-/// admits, in decreasing order, ties by index.
-template <typename Allowed>
-std::vector<int> Closest(const float* closeness, int size, int count,
-                         const Allowed& allowed) {
-  std::vector<std::pair<float, int>> closest;
-  for (int i = 0; i < size; ++i) {
-    if (allowed(i)) closest.emplace_back(-closeness[i], i);
+/// The `count` unmatched points of Y closest to the image of match i, in
+/// decreasing order of closeness.
+std::vector<int> UnmatchedNear(const Matching& matching, int i, int count) {
+  const PointPool& pool = matching.pool(kY);
+  const int image = matching.point(kY, i);
+  std::vector<int> near;
+  const auto take = [&](absl::Span<const int> points) {
+    near.clear();
+    for (const int y : points) {
+      if (static_cast<int>(near.size()) == count) return;
+      if (!matching.is_matched(kY, y)) near.push_back(y);
+    }
+  };
+  take(pool.Nearest(image));
+  // A crowd of matches around: all points have to be looked at.
+  if (static_cast<int>(near.size()) < count) {
+    take(ClosestOf(matching.Row(kY, i), pool.size(), image, pool.size()));
   }
-  const auto end =
-      closest.begin() + std::min<std::size_t>(count, closest.size());
-  std::partial_sort(closest.begin(), end, closest.end());
-  std::vector<int> result;
-  for (auto it = closest.begin(); it != end; ++it) result.push_back(it->second);
-  return result;
+  return near;
 }
 
 /// Draws swap partners.
@@ -37,8 +41,7 @@ class PartnerSource {
     std::vector<float> row(size_);
     for (int i = 0; i < size_; ++i) {
       for (int j = 0; j < size_; ++j) row[j] = matching.closeness(kX, i, j);
-      near_.push_back(
-          Closest(row.data(), size_, neighbors, [&](int j) { return j != i; }));
+      near_.push_back(ClosestOf(row.data(), size_, i, neighbors));
     }
   }
 
@@ -78,11 +81,8 @@ SwapCounts SwapPhase(const SwapOptions& options, double temperature,
 
 int RelocationSweep(int neighbors, Matching* matching) {
   int moves = 0;
-  const int pool_size = matching->pool(kY).size();
   for (int i = matching->pinned(); i < matching->size(); ++i) {
-    const std::vector<int> targets =
-        Closest(matching->Row(kY, i), pool_size, neighbors,
-                [&](int y) { return !matching->is_matched(kY, y); });
+    const std::vector<int> targets = UnmatchedNear(*matching, i, neighbors);
     int best = -1;
     double least = -kRounding;
     for (const int y : targets) {

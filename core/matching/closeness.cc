@@ -34,6 +34,21 @@ void Closeness::Row(VertexIndex u, absl::Span<const VertexIndex> vertices,
   }
 }
 
+std::vector<int> ClosestOf(const float* closeness, int size, int self,
+                           int count) {
+  std::vector<int> others;
+  for (int i = 0; i < size; ++i) {
+    if (i != self) others.push_back(i);
+  }
+  const auto end = others.begin() + std::min<std::size_t>(count, others.size());
+  std::partial_sort(others.begin(), end, others.end(), [&](int a, int b) {
+    return closeness[a] > closeness[b] ||
+           (closeness[a] == closeness[b] && a < b);
+  });
+  others.erase(end, others.end());
+  return others;
+}
+
 absl::StatusOr<PointPool> PointPool::Create(const Closeness& closeness,
                                             std::vector<VertexIndex> vertices,
                                             const std::stop_token& stop) {
@@ -42,10 +57,16 @@ absl::StatusOr<PointPool> PointPool::Create(const Closeness& closeness,
   pool.vertices_ = std::move(vertices);
   if (pool.size() > kMaxTabulated) return pool;
   pool.table_.resize(std::int64_t{pool.size()} * pool.size());
+  const int near = std::min(kNearest, pool.size() - 1);
+  pool.nearest_.resize(std::int64_t{pool.size()} * near);
   ISOMATCH_RETURN_IF_ERROR(
       ParallelFor(pool.size(), stop, [&](std::int64_t point) {
-        closeness.Row(pool.vertices_[point], pool.vertices_,
-                      pool.table_.data() + point * pool.size());
+        float* row = pool.table_.data() + point * pool.size();
+        closeness.Row(pool.vertices_[point], pool.vertices_, row);
+        const std::vector<int> closest =
+            ClosestOf(row, pool.size(), static_cast<int>(point), near);
+        std::copy(closest.begin(), closest.end(),
+                  pool.nearest_.data() + point * near);
       }));
   return pool;
 }

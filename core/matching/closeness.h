@@ -36,14 +36,21 @@ class Closeness {
   float inverse_width_;
 };
 
+/// Positions of the `count` largest of `size` values other than `self`, in
+/// decreasing order, ties by position.
+std::vector<int> ClosestOf(const float* closeness, int size, int self,
+                           int count);
+
 /// The vertices of one mesh that take part in seeds and first-stage insertion,
 /// and the closeness between them. Points are positions in vertices().
 ///
-/// Memory: 4 P^2 bytes when tabulated, else O(P). Thread-safe once built.
+/// Memory: 4 P^2 + 256 P bytes when tabulated, else O(P). Thread-safe once
+/// built.
 class PointPool {
  public:
   /// Pools up to this size keep a table of all their closeness values.
   static constexpr int kMaxTabulated = 4096;
+  static constexpr int kNearest = 64;
 
   static absl::StatusOr<PointPool> Create(const Closeness& closeness,
                                           std::vector<VertexIndex> vertices,
@@ -58,10 +65,18 @@ class PointPool {
   /// computed into `storage`.
   const float* Row(int point, std::vector<float>* storage) const;
 
+  /// The points closest to `point` but for itself, closest first, ties by
+  /// index: up to kNearest of them, none when not tabulated.
+  absl::Span<const int> Nearest(int point) const {
+    const std::size_t count = nearest_.size() / vertices_.size();
+    return absl::MakeConstSpan(nearest_).subspan(point * count, count);
+  }
+
  private:
   const Closeness* closeness_ = nullptr;
   std::vector<VertexIndex> vertices_;
   std::vector<float> table_;  ///< P x P, or empty
+  std::vector<int> nearest_;  ///< of each point
 };
 
 }  // namespace isomatch

@@ -6,6 +6,7 @@
 #include "core/base/nearest_columns.h"
 #include "core/base/parallel.h"
 #include "core/base/status_macros.h"
+#include "core/mesh/surface_samples.h"
 
 namespace isomatch {
 namespace {
@@ -33,7 +34,7 @@ absl::StatusOr<PointColumns> ClosenessColumns(
 }  // namespace
 
 absl::StatusOr<VertexMap> DenseMapFromMatches(
-    const Closeness& closeness_x, const Closeness& closeness_y,
+    const DenseMapSurface& x, const DenseMapSurface& y,
     absl::Span<const VertexMatch> matches, const std::stop_token& stop) {
   std::vector<VertexIndex> matched_x;
   std::vector<VertexIndex> matched_y;
@@ -42,10 +43,11 @@ absl::StatusOr<VertexMap> DenseMapFromMatches(
     matched_y.push_back(match.y);
   }
   ISOMATCH_ASSIGN_OR_RETURN(const PointColumns columns_x,
-                            ClosenessColumns(closeness_x, matched_x, stop));
+                            ClosenessColumns(x.closeness, matched_x, stop));
   ISOMATCH_ASSIGN_OR_RETURN(const PointColumns columns_y,
-                            ClosenessColumns(closeness_y, matched_y, stop));
-  return NearestColumns(columns_x, columns_y, stop);
+                            ClosenessColumns(y.closeness, matched_y, stop));
+  return NearestOnSurface({x.stars, x.areas, columns_x},
+                          {y.stars, y.areas, columns_y}, stop);
 }
 
 }  // namespace isomatch

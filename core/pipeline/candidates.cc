@@ -8,6 +8,7 @@
 #include "core/base/parallel.h"
 #include "core/base/status_macros.h"
 #include "core/mesh/mesh_geometry.h"
+#include "core/mesh/surface_samples.h"
 #include "core/spectral/functional_map.h"
 #include "core/spectral/wavelet_filter.h"
 
@@ -101,9 +102,12 @@ absl::Status CandidateChoice::Filter(VertexMap* y_from_x) const {
     const Eigen::MatrixXd fmap_x_from_y =
         FunctionalMapFromVertexMap(x_.spectral, y_.spectral, matches, k)
             .cwiseProduct(filter);
+    const SpectralPoints points =
+        PointsOfFunctionalMap(x_.spectral, y_.spectral, fmap_x_from_y);
     ISOMATCH_ASSIGN_OR_RETURN(
-        matches, VertexMapFromFunctionalMap(x_.spectral, y_.spectral,
-                                            fmap_x_from_y, stop_));
+        matches,
+        NearestOnSurface({x_.stars, x_.laplacian.mass, points.x},
+                         {y_.stars, y_.laplacian.mass, points.y}, stop_));
     *y_from_x = matches;
   }
   return absl::OkStatus();

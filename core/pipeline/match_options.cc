@@ -103,7 +103,9 @@ MatchOptions MatchOptions::ForProfile(Profile profile) {
   options.orientation_from = 0;
   options.regrow_mirrored = false;
   options.curvature_weight = 0;
+  options.first_stage_matches = 250;
   options.candidates_from_environments = true;
+  options.swap_proposals = 2500;
   options.temperature = 0.01;
   options.swap_neighbors = 0;
   options.relocation_neighbors = 0;

@@ -44,7 +44,7 @@ struct MatchOptions {
   int max_seeds = 1000;
   /// How many competing maps survive, by increasing `matches`; the last round
   /// keeps one, at `first_stage_matches`.
-  std::vector<SelectionRound> selection_rounds = {{12, 400}, {40, 60}};
+  std::vector<SelectionRound> selection_rounds = {{12, 400}, {40, 60}, {80, 12}};
   Selection selection = Selection::kEmbeddingError;
   /// Competing maps with a negative orientation score come last from this many
   /// matches on; 0 switches the cue off. Not in the paper.
@@ -68,7 +68,7 @@ struct MatchOptions {
   double candidate_margin = 1.6;
 
   /// 3.3.1: matches after the first stage. At least 4.
-  int first_stage_matches = 250;
+  int first_stage_matches = 120;
   /// 3.3.1: candidates are the environments of the 3 best basis points; false
   /// compares all unmatched points of the pool.
   bool candidates_from_environments = false;
@@ -78,7 +78,7 @@ struct MatchOptions {
   /// 3.4: a phase of proposals after this many insertions.
   int swap_interval = 10;
   /// 3.4: proposals a phase.
-  int swap_proposals = 2500;
+  int swap_proposals = 500;
   /// Eq. 3, in units of Eq. 8 summed over ordered pairs. 0 or more.
   double temperature = 0.005;
   /// Matches among which a swap partner is drawn: the nearest ones, or any

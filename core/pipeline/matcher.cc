@@ -265,13 +265,17 @@ class Matcher {
     return {basis, all};
   }
 
+  DenseMapSurface DenseSurface(Side side) const {
+    return {*closeness_[side], working_[side].stars, laplacian_[side].mass};
+  }
+
   absl::Status Dense() {
     if (!options_.dense_from_closeness) return absl::OkStatus();
     progress_.Begin(Stage::kDense);
     for (Candidate& candidate : candidates_) {
       ISOMATCH_ASSIGN_OR_RETURN(
           candidate.y_from_x,
-          DenseMapFromMatches(*closeness_[kX], *closeness_[kY],
+          DenseMapFromMatches(DenseSurface(kX), DenseSurface(kY),
                               candidate.sparse, stop_));
     }
     Keep(Stage::kDense);

@@ -2,11 +2,12 @@
 
 #include <algorithm>
 #include <cassert>
-#include <cmath>
+#include <vector>
 
 #include <Eigen/Cholesky>
 
 #include "core/base/nearest_columns.h"
+#include "core/base/parallel.h"
 
 namespace isomatch {
 namespace {
@@ -14,8 +15,45 @@ namespace {
 /// Of the largest diagonal entry of the normal equations, so that a few matches
 /// still determine a map.
 constexpr double kRegularisation = 1e-9;
+/// The matches are summed up in at most this many parts, at the same time.
+constexpr Eigen::Index kParts = 16;
 /// Rows gathered at a time.
-constexpr Eigen::Index kBlock = 1024;
+constexpr Eigen::Index kBlock = 512;
+
+/// Sums over the matches of a part.
+struct Sums {
+  Eigen::MatrixXd normal;  ///< only if some vertex has no match
+  Eigen::MatrixXd right;
+};
+
+Sums SumUp(const SpectralBasis& spectral_x, const SpectralBasis& spectral_y,
+           absl::Span<const VertexMatch> matches, int k, bool dense) {
+  Sums sums;
+  sums.right = Eigen::MatrixXd::Zero(k, k);
+  if (!dense) sums.normal = Eigen::MatrixXd::Zero(k, k);
+  // Transposed: the functions' values at a vertex side by side.
+  Eigen::MatrixXd phi_x(k, kBlock);
+  Eigen::MatrixXd phi_y(k, kBlock);
+  for (std::size_t begin = 0; begin < matches.size(); begin += kBlock) {
+    const auto block = matches.subspan(begin, kBlock);
+    const auto rows = static_cast<Eigen::Index>(block.size());
+    for (Eigen::Index i = 0; i < rows; ++i) {
+      const auto [x, y] = block[i];
+      phi_x.col(i) =
+          spectral_x.mass[x] * spectral_x.functions.row(x).head(k).transpose();
+      phi_y.col(i) = spectral_y.functions.row(y).head(k).transpose();
+    }
+    sums.right.noalias() +=
+        phi_x.leftCols(rows) * phi_y.leftCols(rows).transpose();
+    if (dense) continue;
+    for (Eigen::Index i = 0; i < rows; ++i) {
+      phi_y.col(i) = spectral_x.functions.row(block[i].x).head(k).transpose();
+    }
+    sums.normal.noalias() +=
+        phi_x.leftCols(rows) * phi_y.leftCols(rows).transpose();
+  }
+  return sums;
+}
 
 }  // namespace
 
@@ -23,46 +61,57 @@ Eigen::MatrixXd FunctionalMapFromVertexMap(
     const SpectralBasis& spectral_x, const SpectralBasis& spectral_y,
     absl::Span<const VertexIndex> y_from_x, int k) {
   assert(k <= spectral_x.size() && k <= spectral_y.size());
-  Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(k, k);
-  Eigen::MatrixXd right = Eigen::MatrixXd::Zero(k, k);
-  Eigen::MatrixXd phi_x(kBlock, k);
-  Eigen::MatrixXd phi_y(kBlock, k);
-  const auto add_block = [&](Eigen::Index rows) {
-    normal.noalias() += phi_x.topRows(rows).transpose() * phi_x.topRows(rows);
-    right.noalias() += phi_x.topRows(rows).transpose() * phi_y.topRows(rows);
-  };
-  Eigen::Index rows = 0;
-  bool dense = true;
+  std::vector<VertexMatch> matches;
   for (std::size_t x = 0; x < y_from_x.size(); ++x) {
-    const VertexIndex y = y_from_x[x];
-    dense = dense && y != kNoVertex;
-    if (y == kNoVertex) continue;
-    const double weight = std::sqrt(spectral_x.mass[x]);
-    phi_x.row(rows) = weight * spectral_x.functions.row(x).head(k);
-    phi_y.row(rows) = weight * spectral_y.functions.row(y).head(k);
-    if (++rows < kBlock) continue;
-    add_block(rows);
-    rows = 0;
+    if (y_from_x[x] == kNoVertex) continue;
+    matches.push_back({static_cast<VertexIndex>(x), y_from_x[x]});
   }
-  add_block(rows);
+  const bool dense = matches.size() == y_from_x.size();
+  const auto count = static_cast<Eigen::Index>(matches.size());
+  const Eigen::Index parts =
+      std::clamp<Eigen::Index>((count + kBlock - 1) / kBlock, 1, kParts);
+  std::vector<Sums> sums(parts);
+  // Never asked to stop: it takes milliseconds.
+  const absl::Status status =
+      ParallelFor(parts, std::stop_token(), [&](std::int64_t part) {
+        const Eigen::Index begin = part * count / parts;
+        const Eigen::Index end = (part + 1) * count / parts;
+        sums[part] = SumUp(
+            spectral_x, spectral_y,
+            absl::MakeConstSpan(matches).subspan(begin, end - begin), k, dense);
+      });
+  assert(status.ok());
+  static_cast<void>(status);
+  for (Eigen::Index part = 1; part < parts; ++part) {
+    sums[0].right += sums[part].right;
+    if (!dense) sums[0].normal += sums[part].normal;
+  }
   // With every vertex matched the normal matrix is I.
-  if (dense) return right;
+  if (dense) return sums[0].right;
+  Eigen::MatrixXd& normal = sums[0].normal;
   normal.diagonal().array() += kRegularisation * normal.diagonal().maxCoeff();
-  return normal.ldlt().solve(right);
+  return normal.ldlt().solve(sums[0].right);
+}
+
+SpectralPoints PointsOfFunctionalMap(const SpectralBasis& spectral_x,
+                                     const SpectralBasis& spectral_y,
+                                     const Eigen::MatrixXd& fmap_x_from_y) {
+  SpectralPoints points;
+  points.x = spectral_x.functions.leftCols(fmap_x_from_y.rows())
+                 .transpose()
+                 .cast<float>();
+  points.y = (fmap_x_from_y *
+              spectral_y.functions.leftCols(fmap_x_from_y.cols()).transpose())
+                 .cast<float>();
+  return points;
 }
 
 absl::StatusOr<VertexMap> VertexMapFromFunctionalMap(
     const SpectralBasis& spectral_x, const SpectralBasis& spectral_y,
     const Eigen::MatrixXd& fmap_x_from_y, const std::stop_token& stop) {
-  const PointColumns queries =
-      spectral_x.functions.leftCols(fmap_x_from_y.rows())
-          .transpose()
-          .cast<float>();
-  const PointColumns points =
-      (fmap_x_from_y *
-       spectral_y.functions.leftCols(fmap_x_from_y.cols()).transpose())
-          .cast<float>();
-  return NearestColumns(queries, points, stop);
+  const SpectralPoints points =
+      PointsOfFunctionalMap(spectral_x, spectral_y, fmap_x_from_y);
+  return NearestColumns(points.x, points.y, stop);
 }
 
 }  // namespace isomatch

@@ -6,6 +6,7 @@
 
 #include "absl/status/statusor.h"
 #include "absl/types/span.h"
+#include "core/base/nearest_columns.h"
 #include "core/base/vertex_index.h"
 #include "core/spectral/spectral_basis.h"
 
@@ -26,6 +27,17 @@ namespace isomatch {
 Eigen::MatrixXd FunctionalMapFromVertexMap(
     const SpectralBasis& spectral_x, const SpectralBasis& spectral_y,
     absl::Span<const VertexIndex> y_from_x, int k);
+
+/// The points in X's basis that VertexMapFromFunctionalMap compares, one vertex
+/// a column: those of X's vertices are its functions' values, those of Y's are
+/// carried over by the functional map.
+struct SpectralPoints {
+  PointColumns x;
+  PointColumns y;
+};
+SpectralPoints PointsOfFunctionalMap(const SpectralBasis& spectral_x,
+                                     const SpectralBasis& spectral_y,
+                                     const Eigen::MatrixXd& fmap_x_from_y);
 
 /// Returns the vertex map of a functional map: each vertex x goes to the y
 /// whose delta function is nearest in X's basis, argmin_y |C Phi_Y(y) -

@@ -11,6 +11,20 @@
 namespace isomatch {
 namespace {
 
+class Surface {
+ public:
+  explicit Surface(const HashedTestShape& shape)
+      : shape_(shape),
+        stars_(shape.mesh()),
+        areas_(Eigen::VectorXd::Ones(shape.mesh().num_vertices())) {}
+  DenseMapSurface get() const { return {shape_.closeness(), stars_, areas_}; }
+
+ private:
+  const HashedTestShape& shape_;
+  const VertexStars stars_;
+  const Eigen::VectorXd areas_;
+};
+
 TEST(DenseMapTest, RightMatchesOfARelabelledShapeGiveThePermutation) {
   const auto permutation = RandomPermutation(642, /*seed=*/6);
   const HashedTestShape x(FiveArms(3), /*pool_size=*/60);
@@ -20,7 +34,7 @@ TEST(DenseMapTest, RightMatchesOfARelabelledShapeGiveThePermutation) {
     matches.push_back({v, permutation[v]});
   }
   const auto map =
-      DenseMapFromMatches(x.closeness(), y.closeness(), matches, {});
+      DenseMapFromMatches(Surface(x).get(), Surface(y).get(), matches, {});
   ASSERT_THAT(map, IsOk());
   int right = 0;
   for (VertexIndex v = 0; v < 642; ++v) right += (*map)[v] == permutation[v];
@@ -33,7 +47,7 @@ TEST(DenseMapTest, StopsWhenAsked) {
   std::stop_source stop;
   stop.request_stop();
   const std::vector<VertexMatch> matches = {{0, 0}};
-  EXPECT_THAT(DenseMapFromMatches(x.closeness(), x.closeness(), matches,
+  EXPECT_THAT(DenseMapFromMatches(Surface(x).get(), Surface(x).get(), matches,
                                   stop.get_token())
                   .status(),
               StatusIs(absl::StatusCode::kCancelled, testing::_));

@@ -1,0 +1,130 @@
+#include "core/mesh/surface_samples.h"
+
+#include "core/base/parallel.h"
+#include "core/base/status_macros.h"
+
+namespace isomatch {
+namespace {
+
+constexpr double kMostComparisons = 1e8;
+constexpr std::int64_t kSamples = 6000;
+constexpr std::int64_t kVerticesPerTask = 256;
+
+class Descent {
+ public:
+  Descent(const PointsOnSurface& x, const PointsOnSurface& y) : x_(x), y_(y) {}
+
+  /// The vertex of Y to which edges lead downhill from `start`, or from the
+  /// images in `before` of x's neighbours where one of them lies deeper.
+  VertexIndex From(VertexIndex x, VertexIndex start,
+                   const VertexMap& before) const {
+    VertexIndex best = start;
+    float least = Distance(x, best);
+    const auto offer = [&](VertexIndex y) {
+      const float distance = Distance(x, y);
+      if (distance >= least) return;
+      least = distance;
+      best = y;
+    };
+    if (!before.empty()) {
+      for (const VertexIndex neighbor : x_.stars.Neighbors(x)) {
+        if (before[neighbor] != best) offer(before[neighbor]);
+      }
+    }
+    for (VertexIndex from = kNoVertex; from != best;) {
+      from = best;
+      for (const VertexIndex y : y_.stars.Neighbors(from)) offer(y);
+    }
+    return best;
+  }
+
+ private:
+  float Distance(VertexIndex x, VertexIndex y) const {
+    return (x_.columns.col(x) - y_.columns.col(y)).squaredNorm();
+  }
+
+  const PointsOnSurface& x_;
+  const PointsOnSurface& y_;
+};
+
+PointColumns Gather(const PointColumns& columns,
+                    const std::vector<VertexIndex>& vertices) {
+  return columns(Eigen::all, vertices);
+}
+
+}  // namespace
+
+std::vector<VertexIndex> EvenlyByArea(const Eigen::VectorXd& areas,
+                                      std::int64_t count) {
+  std::vector<VertexIndex> chosen;
+  const double step =
+      areas.size() <= count ? 0 : areas.sum() / static_cast<double>(count);
+  double passed = 0;
+  double next = 0.5 * step;
+  for (Eigen::Index v = 0; v < areas.size(); ++v) {
+    passed += areas[v];
+    if (passed < next) continue;
+    chosen.push_back(static_cast<VertexIndex>(v));
+    while (step > 0 && next <= passed) next += step;
+  }
+  return chosen;
+}
+
+SurfaceSamples SampleSurface(const VertexStars& stars,
+                             const Eigen::VectorXd& areas, std::int64_t count) {
+  SurfaceSamples samples;
+  samples.vertices = EvenlyByArea(areas, count);
+  samples.home.assign(areas.size(), -1);
+  for (std::size_t i = 0; i < samples.vertices.size(); ++i) {
+    samples.home[samples.vertices[i]] = static_cast<int>(i);
+  }
+  std::vector<VertexIndex> reached = samples.vertices;
+  for (std::size_t i = 0; i < reached.size(); ++i) {
+    for (const VertexIndex v : stars.Neighbors(reached[i])) {
+      if (samples.home[v] >= 0) continue;
+      samples.home[v] = samples.home[reached[i]];
+      reached.push_back(v);
+    }
+  }
+  return samples;
+}
+
+absl::StatusOr<VertexMap> NearestBySamples(const PointsOnSurface& x,
+                                           const PointsOnSurface& y,
+                                           std::int64_t samples,
+                                           const std::stop_token& stop) {
+  const SurfaceSamples samples_x = SampleSurface(x.stars, x.areas, samples);
+  const std::vector<VertexIndex> samples_y = EvenlyByArea(y.areas, samples);
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const VertexMap nearest,
+      NearestColumns(Gather(x.columns, samples_x.vertices),
+                     Gather(y.columns, samples_y), stop));
+  const Descent descent(x, y);
+  const std::int64_t n = x.columns.cols();
+  VertexMap nearest_y(n);
+  ISOMATCH_RETURN_IF_ERROR(
+      ParallelForBlocks(n, kVerticesPerTask, stop, [&](std::int64_t v) {
+        // A component without a sample starts where the first sample went.
+        const int home = std::max(samples_x.home[v], 0);
+        nearest_y[v] = descent.From(static_cast<VertexIndex>(v),
+                                    samples_y[nearest[home]], {});
+      }));
+  const VertexMap before = nearest_y;
+  ISOMATCH_RETURN_IF_ERROR(
+      ParallelForBlocks(n, kVerticesPerTask, stop, [&](std::int64_t v) {
+        nearest_y[v] =
+            descent.From(static_cast<VertexIndex>(v), before[v], before);
+      }));
+  return nearest_y;
+}
+
+absl::StatusOr<VertexMap> NearestOnSurface(const PointsOnSurface& x,
+                                           const PointsOnSurface& y,
+                                           const std::stop_token& stop) {
+  if (double(x.columns.cols()) * double(y.columns.cols()) <= kMostComparisons) {
+    return NearestColumns(x.columns, y.columns, stop);
+  }
+  return NearestBySamples(x, y, kSamples, stop);
+}
+
+}  // namespace isomatch

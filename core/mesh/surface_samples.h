@@ -1,0 +1,59 @@
+#pragma once
+
+#include <stop_token>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "absl/status/statusor.h"
+#include "core/base/nearest_columns.h"
+#include "core/base/vertex_index.h"
+#include "core/mesh/vertex_stars.h"
+
+namespace isomatch {
+
+/// Vertices at even steps of area, in order of index; all if there are no more
+/// than `count`. `areas`: what each vertex stands for.
+std::vector<VertexIndex> EvenlyByArea(const Eigen::VectorXd& areas,
+                                      std::int64_t count);
+
+/// Some vertices of a surface that stand for all.
+struct SurfaceSamples {
+  std::vector<VertexIndex> vertices;
+  /// For each vertex of the surface the sample, by position in `vertices`, that
+  /// the fewest edges lead to; -1 where none leads to one.
+  std::vector<int> home;
+};
+
+/// Samples `count` vertices evenly by area. Time and memory O(n).
+SurfaceSamples SampleSurface(const VertexStars& stars,
+                             const Eigen::VectorXd& areas, std::int64_t count);
+
+/// A surface with a point of some space at each vertex, one a column.
+struct PointsOnSurface {
+  const VertexStars& stars;
+  const Eigen::VectorXd& areas;
+  const PointColumns& columns;
+};
+
+/// Returns for each vertex of X the vertex of Y with the nearest point.
+///
+/// Up to 10^8 pairs of vertices all are compared. Beyond, samples of both are,
+/// and every vertex of X then descends over Y's edges from where its sample
+/// went, and once more from where its neighbours arrived: exact where distance
+/// has one valley around there, as it has for smooth functions. Time
+/// O((n_X + n_Y) rows) with a constant for the samples.
+///
+/// REQUIRES: equal rows. CANCELLED after `stop`. Deterministic at any thread
+/// count.
+absl::StatusOr<VertexMap> NearestOnSurface(const PointsOnSurface& x,
+                                           const PointsOnSurface& y,
+                                           const std::stop_token& stop);
+
+/// The second way of the above, whatever the sizes.
+absl::StatusOr<VertexMap> NearestBySamples(const PointsOnSurface& x,
+                                           const PointsOnSurface& y,
+                                           std::int64_t samples,
+                                           const std::stop_token& stop);
+
+}  // namespace isomatch
