@@ -10,6 +10,7 @@
 #include "core/mesh/clean_mesh.h"
 #include "core/mesh/mesh_geometry.h"
 #include "core/mesh/nearest_vertices.h"
+#include "core/mesh/spatial_order.h"
 #include "core/mesh/topology.h"
 
 namespace isomatch {
@@ -36,18 +37,19 @@ struct Selected {
   VertexMap left_out;
 };
 
-Selected SelectVertices(const Components& components,
+/// The kept ones are renumbered in spatial order.
+Selected SelectVertices(const TriangleMesh& mesh, const Components& components,
                         const std::vector<bool>& keep) {
   Selected selected;
   selected.new_from_old.resize(components.of_vertex.size(), kNoVertex);
-  for (std::size_t v = 0; v < components.of_vertex.size(); ++v) {
+  for (const VertexIndex v : SpatialOrder(mesh.positions)) {
     if (!keep[components.of_vertex[v]]) {
-      selected.left_out.push_back(static_cast<VertexIndex>(v));
+      selected.left_out.push_back(v);
       continue;
     }
     selected.new_from_old[v] =
         static_cast<VertexIndex>(selected.old_from_new.size());
-    selected.old_from_new.push_back(static_cast<VertexIndex>(v));
+    selected.old_from_new.push_back(v);
   }
   return selected;
 }
@@ -61,6 +63,11 @@ TriangleMesh Submesh(const TriangleMesh& mesh, const Selected& selected) {
       faces.push_back(f);
     }
   }
+  std::stable_sort(faces.begin(), faces.end(),
+                   [&](VertexIndex a, VertexIndex b) {
+                     return selected.new_from_old[mesh.faces(a, 0)] <
+                            selected.new_from_old[mesh.faces(b, 0)];
+                   });
   result.faces = mesh.faces(faces, Eigen::all);
   for (Eigen::Index i = 0; i < result.faces.size(); ++i) {
     result.faces.data()[i] = selected.new_from_old[result.faces.data()[i]];
@@ -95,8 +102,8 @@ absl::StatusOr<WorkingMesh> MakeWorkingMesh(const TriangleMesh& mesh,
                                             const std::stop_token& stop) {
   CleanMesh clean = Clean(mesh);
   const Components components = ConnectedComponents(clean.mesh);
-  Selected selected =
-      SelectVertices(components, TakingPart(clean.mesh, components));
+  Selected selected = SelectVertices(clean.mesh, components,
+                                     TakingPart(clean.mesh, components));
   WorkingMesh working;
   working.mesh = Submesh(clean.mesh, selected);
   ISOMATCH_RETURN_IF_ERROR(

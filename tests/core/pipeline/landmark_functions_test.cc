@@ -181,8 +181,10 @@ TEST_F(TakeLandmarksTest, NamesWorkingVertices) {
   const auto taken = TakeLandmarks(landmarks, x, y, &warnings_);
   ASSERT_THAT(taken, IsOk());
   ASSERT_EQ(taken->size(), 2u);
-  EXPECT_EQ((*taken)[0].match, (VertexMatch{0, 17}));
-  EXPECT_EQ((*taken)[1].match, (VertexMatch{28, 0}));
+  for (const int i : {0, 1}) {
+    EXPECT_EQ(x.user_from_working[(*taken)[i].match.x], landmarks[i].x);
+    EXPECT_EQ(y.user_from_working[(*taken)[i].match.y], landmarks[i].y);
+  }
   EXPECT_EQ((*taken)[1].index, 1u);
   EXPECT_THAT(warnings_, IsEmpty());
   EXPECT_THAT(TakeLandmarks(Landmarks{{5, 5}, {1, 3}}, x, y, &warnings_),
