@@ -7,6 +7,7 @@
 #include "core/base/parallel.h"
 #include "core/base/status_macros.h"
 #include "core/mesh/mesh_geometry.h"
+#include "core/mesh/surface_samples.h"
 #include "core/spectral/functional_map.h"
 
 namespace isomatch {
@@ -77,32 +78,6 @@ void ElasticAlignment::DescribeX() {
       (options_.normal_weight * normals_.transpose()).cast<float>();
 }
 
-float ElasticAlignment::Unlikeness(VertexIndex x, VertexIndex y) const {
-  return (features_x_.col(x) - features_y_.col(y)).squaredNorm();
-}
-
-/// Descends over Y's edges from the best of the images that x and its
-/// neighbours had.
-VertexIndex ElasticAlignment::MostAlike(VertexIndex x,
-                                        const VertexMap& before) const {
-  VertexIndex best = before[x];
-  float least = Unlikeness(x, best);
-  const auto offer = [&](VertexIndex y) {
-    const float unlikeness = Unlikeness(x, y);
-    if (unlikeness >= least) return;
-    least = unlikeness;
-    best = y;
-  };
-  for (const VertexIndex neighbor : x_.stars.Neighbors(x)) {
-    if (before[neighbor] != best) offer(before[neighbor]);
-  }
-  for (VertexIndex from = kNoVertex; from != best;) {
-    from = best;
-    for (const VertexIndex y : y_.stars.Neighbors(from)) offer(y);
-  }
-  return best;
-}
-
 absl::Status ElasticAlignment::ForEachVertexOfX(
     const std::stop_token& stop,
     const std::function<void(VertexIndex)>& body) const {
@@ -113,8 +88,13 @@ absl::Status ElasticAlignment::ForEachVertexOfX(
 
 absl::Status ElasticAlignment::FindAlike(const std::stop_token& stop) {
   const VertexMap before = y_from_x_;
+  const PointsOnSurface points_x = {x_.stars, x_.laplacian.mass, features_x_};
+  const PointsOnSurface points_y = {y_.stars, y_.laplacian.mass, features_y_};
   return ForEachVertexOfX(stop, [&](VertexIndex x) {
-    y_from_x_[x] = fixed_[x] != kNoVertex ? fixed_[x] : MostAlike(x, before);
+    y_from_x_[x] =
+        fixed_[x] != kNoVertex
+            ? fixed_[x]
+            : DescendOverEdges(points_x, points_y, x, before[x], before);
   });
 }
 
@@ -126,8 +106,9 @@ absl::Status ElasticAlignment::FindPoints(const std::stop_token& stop) {
         fixed ? Eigen::RowVector3d(y_.mesh.positions.row(fixed_[x])) : aligned;
     points_[x] = NearestOnFaces(y_.mesh, y_.stars.Faces(y_from_x_[x]), wanted);
     targets_.row(x) = PositionOf(y_.mesh, points_[x]);
-    if (!fixed)
+    if (!fixed) {
       targets_.row(x) += kOverrelaxation * (targets_.row(x) - aligned);
+    }
   });
 }
 

@@ -87,8 +87,6 @@ class ElasticAlignment {
   void DescribeY();
   void DescribeX();
   absl::Status FindAlike(const std::stop_token& stop);
-  VertexIndex MostAlike(VertexIndex x, const VertexMap& before) const;
-  float Unlikeness(VertexIndex x, VertexIndex y) const;
   absl::Status FindPoints(const std::stop_token& stop);
 
   const AlignmentShape x_;

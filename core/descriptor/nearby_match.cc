@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <limits>
-#include <utility>
 
 #include "core/base/parallel.h"
 #include "core/base/status_macros.h"
@@ -66,6 +65,7 @@ absl::StatusOr<VertexMap> MatchNearby(const ShapeDescriptors& x,
         ConnectedBall around(surface_y.mesh, surface_y.stars);
         const std::int64_t end = std::min(count, (task + 1) * kVerticesPerTask);
         for (std::int64_t i = task * kVerticesPerTask; i < end; ++i) {
+          if (stop.stop_requested()) return;
           matches[x.vertices[i]] = most_alike(i, &around);
         }
       }));

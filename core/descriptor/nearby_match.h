@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <stop_token>
 #include <vector>
 
@@ -44,7 +45,8 @@ absl::StatusOr<VertexMap> MatchNearby(const ShapeDescriptors& x,
                                       const std::stop_token& stop);
 
 /// Mean squared difference between the descriptors of vertices of X and of
-/// their images, 0 to 2, over evenly chosen ones of those described.
+/// their images, 0 to 2, over evenly chosen ones of those described. REQUIRES:
+/// `radius` is what x was described with.
 absl::StatusOr<double> DescriptorMismatch(const ShapeDescriptors& x,
                                           const DescribedSurface& surface_y,
                                           const VertexMap& y_from_x,

@@ -134,6 +134,7 @@ absl::StatusOr<PointColumns> ShotDescriptors(
         ConnectedBall around(surface.mesh, surface.stars);
         const std::int64_t end = std::min(count, (task + 1) * kVerticesPerTask);
         for (std::int64_t i = task * kVerticesPerTask; i < end; ++i) {
+          if (stop.stop_requested()) return;
           Describe(surface, vertices[i], radius, &around, columns.col(i));
         }
       }));

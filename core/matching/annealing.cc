@@ -25,9 +25,11 @@ std::vector<int> UnmatchedNear(const Matching& matching, int i, int count) {
     }
   };
   take(pool.Nearest(image));
-  // A crowd of matches around: all points have to be looked at.
+  // No table, or a crowd of matches around. Only matched points are passed
+  // over.
   if (static_cast<int>(near.size()) < count) {
-    take(ClosestOf(matching.Row(kY, i), pool.size(), image, pool.size()));
+    take(ClosestOf(matching.Row(kY, i), pool.size(), image,
+                   count + matching.size()));
   }
   return near;
 }

@@ -50,6 +50,7 @@ class PointPool {
  public:
   /// Pools up to this size keep a table of all their closeness values.
   static constexpr int kMaxTabulated = 4096;
+  /// Length of the list of nearest points.
   static constexpr int kNearest = 64;
 
   static absl::StatusOr<PointPool> Create(const Closeness& closeness,

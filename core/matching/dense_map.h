@@ -29,7 +29,9 @@ struct DenseMapSurface {
 /// Takes the place of the paper's second stage in the default profile.
 ///
 /// REQUIRES: at least one match. Large surfaces are searched as
-/// NearestOnSurface does. Memory 4 (n_X + n_Y) matches bytes. CANCELLED after
+/// NearestOnSurface does: exact up to 10^8
+/// pairs of vertices, in time O(n_X n_Y matches), beyond in O((n_X + n_Y)
+/// matches). Memory 4 (n_X + n_Y) matches bytes. CANCELLED after
 /// `stop`.
 absl::StatusOr<VertexMap> DenseMapFromMatches(
     const DenseMapSurface& x, const DenseMapSurface& y,

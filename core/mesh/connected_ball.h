@@ -24,7 +24,8 @@ class ConnectedBall {
   ConnectedBall(const TriangleMesh& mesh, const VertexStars& stars);
 
   /// The vertices nearer than `radius`, the centre first, in an order that
-  /// depends on the mesh alone. Valid until the next call. Time O(members).
+  /// depends on the mesh alone. Valid until the next call. Time O(members and
+  /// their neighbours).
   const std::vector<Member>& Around(VertexIndex center, double radius);
 
  private:

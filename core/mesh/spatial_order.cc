@@ -1,7 +1,9 @@
 #include "core/mesh/spatial_order.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
+#include <numeric>
 #include <utility>
 
 namespace isomatch {
@@ -23,7 +25,12 @@ std::uint32_t Spread(std::uint32_t value) {
 std::vector<VertexIndex> SpatialOrder(const Positions& positions) {
   const Eigen::RowVector3d low = positions.colwise().minCoeff();
   const double extent = (positions.colwise().maxCoeff() - low).maxCoeff();
-  const double scale = extent > 0 ? ((1 << kBits) - 1) / extent : 0;
+  const double scale = ((1 << kBits) - 1) / extent;
+  if (!std::isfinite(scale) || !std::isnormal(extent)) {
+    std::vector<VertexIndex> as_given(positions.rows());
+    std::iota(as_given.begin(), as_given.end(), 0);
+    return as_given;
+  }
   std::vector<std::pair<std::uint32_t, VertexIndex>> coded;
   for (Eigen::Index v = 0; v < positions.rows(); ++v) {
     std::uint32_t code = 0;

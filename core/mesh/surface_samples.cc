@@ -1,5 +1,7 @@
 #include "core/mesh/surface_samples.h"
 
+#include <algorithm>
+
 #include "core/base/parallel.h"
 #include "core/base/status_macros.h"
 
@@ -10,49 +12,38 @@ constexpr double kMostComparisons = 1e8;
 constexpr std::int64_t kSamples = 6000;
 constexpr std::int64_t kVerticesPerTask = 256;
 
-class Descent {
- public:
-  Descent(const PointsOnSurface& x, const PointsOnSurface& y) : x_(x), y_(y) {}
-
-  /// The vertex of Y to which edges lead downhill from `start`, or from the
-  /// images in `before` of x's neighbours where one of them lies deeper.
-  VertexIndex From(VertexIndex x, VertexIndex start,
-                   const VertexMap& before) const {
-    VertexIndex best = start;
-    float least = Distance(x, best);
-    const auto offer = [&](VertexIndex y) {
-      const float distance = Distance(x, y);
-      if (distance >= least) return;
-      least = distance;
-      best = y;
-    };
-    if (!before.empty()) {
-      for (const VertexIndex neighbor : x_.stars.Neighbors(x)) {
-        if (before[neighbor] != best) offer(before[neighbor]);
-      }
-    }
-    for (VertexIndex from = kNoVertex; from != best;) {
-      from = best;
-      for (const VertexIndex y : y_.stars.Neighbors(from)) offer(y);
-    }
-    return best;
-  }
-
- private:
-  float Distance(VertexIndex x, VertexIndex y) const {
-    return (x_.columns.col(x) - y_.columns.col(y)).squaredNorm();
-  }
-
-  const PointsOnSurface& x_;
-  const PointsOnSurface& y_;
-};
-
 PointColumns Gather(const PointColumns& columns,
                     const std::vector<VertexIndex>& vertices) {
   return columns(Eigen::all, vertices);
 }
 
 }  // namespace
+
+VertexIndex DescendOverEdges(const PointsOnSurface& x, const PointsOnSurface& y,
+                             VertexIndex vertex, VertexIndex start,
+                             const VertexMap& before) {
+  const auto distance = [&](VertexIndex to) {
+    return (x.columns.col(vertex) - y.columns.col(to)).squaredNorm();
+  };
+  VertexIndex best = start;
+  float least = distance(best);
+  const auto offer = [&](VertexIndex to) {
+    const float found = distance(to);
+    if (found >= least) return;
+    least = found;
+    best = to;
+  };
+  if (!before.empty()) {
+    for (const VertexIndex neighbor : x.stars.Neighbors(vertex)) {
+      if (before[neighbor] != best) offer(before[neighbor]);
+    }
+  }
+  for (VertexIndex from = kNoVertex; from != best;) {
+    from = best;
+    for (const VertexIndex to : y.stars.Neighbors(from)) offer(to);
+  }
+  return best;
+}
 
 std::vector<VertexIndex> EvenlyByArea(const Eigen::VectorXd& areas,
                                       std::int64_t count) {
@@ -99,21 +90,20 @@ absl::StatusOr<VertexMap> NearestBySamples(const PointsOnSurface& x,
       const VertexMap nearest,
       NearestColumns(Gather(x.columns, samples_x.vertices),
                      Gather(y.columns, samples_y), stop));
-  const Descent descent(x, y);
   const std::int64_t n = x.columns.cols();
   VertexMap nearest_y(n);
   ISOMATCH_RETURN_IF_ERROR(
       ParallelForBlocks(n, kVerticesPerTask, stop, [&](std::int64_t v) {
         // A component without a sample starts where the first sample went.
         const int home = std::max(samples_x.home[v], 0);
-        nearest_y[v] = descent.From(static_cast<VertexIndex>(v),
-                                    samples_y[nearest[home]], {});
+        nearest_y[v] = DescendOverEdges(x, y, static_cast<VertexIndex>(v),
+                                        samples_y[nearest[home]], {});
       }));
   const VertexMap before = nearest_y;
   ISOMATCH_RETURN_IF_ERROR(
       ParallelForBlocks(n, kVerticesPerTask, stop, [&](std::int64_t v) {
-        nearest_y[v] =
-            descent.From(static_cast<VertexIndex>(v), before[v], before);
+        nearest_y[v] = DescendOverEdges(x, y, static_cast<VertexIndex>(v),
+                                        before[v], before);
       }));
   return nearest_y;
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <stop_token>
 #include <vector>
 
@@ -35,6 +36,13 @@ struct PointsOnSurface {
   const Eigen::VectorXd& areas;
   const PointColumns& columns;
 };
+
+/// Returns the vertex of Y to which edges lead downhill, ever nearer to the
+/// point of X's `vertex`, from `start`, or from the images in `before` of its
+/// neighbours where one is nearer. `before` may be empty.
+VertexIndex DescendOverEdges(const PointsOnSurface& x, const PointsOnSurface& y,
+                             VertexIndex vertex, VertexIndex start,
+                             const VertexMap& before);
 
 /// Returns for each vertex of X the vertex of Y with the nearest point.
 ///

@@ -21,9 +21,6 @@ constexpr int kJudgedRounds = 10;
 constexpr int kRoundsPerStiffness = 2;
 /// Scales of the wavelet filter.
 constexpr int kWaveletScales = 6;
-/// Vertices of a side that are described; they hold all that a functional map
-/// of alignment_basis eigenfunctions can.
-constexpr std::int64_t kDescribedVertices = 6000;
 /// How far DescriptorOffsets looks.
 constexpr double kOffsetReach = 0.12;
 /// A descriptor's ball holds some rings of the coarser mesh.
@@ -93,7 +90,7 @@ absl::Status CandidateChoice::Filter(VertexMap* y_from_x) const {
       WaveletFilter(x_.spectral.eigenvalues.head(k),
                     y_.spectral.eigenvalues.head(k), kWaveletScales);
   VertexMap matches = *y_from_x;
-  if (described()) {
+  if (described() && options_.wavelet_rounds > 0) {
     ISOMATCH_ASSIGN_OR_RETURN(
         matches, MatchNearby(descriptors_x_, descriptors_y_, surface_y_,
                              *y_from_x, NearbyMatchOptions(), stop_));
@@ -189,10 +186,11 @@ absl::StatusOr<std::unique_ptr<ElasticAlignment>> CandidateChoice::Choose(
 }
 
 absl::Status CandidateChoice::Finish(
-    const std::function<void(double)>& progress,
+    bool from_start, const std::function<void(double)>& progress,
     ElasticAlignment* alignment) const {
-  return RunRounds(std::min(kJudgedRounds, options_.alignment_rounds),
-                   options_.alignment_rounds, progress, alignment);
+  const int begin =
+      from_start ? 0 : std::min(kJudgedRounds, options_.alignment_rounds - 1);
+  return RunRounds(begin, options_.alignment_rounds, progress, alignment);
 }
 
 absl::StatusOr<std::vector<float>> CandidateChoice::DescriptorOffsets(

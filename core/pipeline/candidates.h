@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <stop_token>
@@ -14,6 +15,10 @@
 #include "core/pipeline/matcher.h"
 
 namespace isomatch {
+
+/// Vertices of a side that are described: many more than a functional map of
+/// alignment_basis eigenfunctions has coefficients a row.
+inline constexpr std::int64_t kDescribedVertices = 6000;
 
 /// A whole map that may be the result, as it grows. On working vertices.
 struct Candidate {
@@ -50,12 +55,15 @@ class CandidateChoice {
       const std::function<void(double)>& progress,
       std::vector<Candidate>* candidates);
 
-  /// The rounds that Choose has left.
-  absl::Status Finish(const std::function<void(double)>& progress,
+  /// The rounds that Choose has left, at least one; all of them anew when
+  /// `from_start`, as landmarks fixed in between need. REQUIRES: Choose.
+  absl::Status Finish(bool from_start,
+                      const std::function<void(double)>& progress,
                       ElasticAlignment* alignment) const;
 
   /// How far from the image of each vertex of X, in sqrt(area), the vertex near
   /// it with the most alike descriptor lies; -1 where nothing is described.
+  /// REQUIRES: Choose.
   absl::StatusOr<std::vector<float>> DescriptorOffsets(
       const VertexMap& y_from_x) const;
 

@@ -45,8 +45,7 @@ std::vector<PrecisePoint> PrecisePoints(
 }
 
 absl::Status ReportQuality(const std::array<WorkingMesh, 2>& working,
-                           const VertexMap& y_from_x,
-                           const VertexMap& coarse_map,
+                           const VertexMap& y_from_x, const VertexMap& filtered,
                            const std::vector<float>& offsets,
                            const ElasticAlignment* alignment,
                            const std::stop_token& stop,
@@ -59,7 +58,7 @@ absl::Status ReportQuality(const std::array<WorkingMesh, 2>& working,
   if (alignment != nullptr) {
     for (VertexIndex x = 0; x < mesh_x.num_vertices(); ++x) {
       moved.push_back(static_cast<float>(
-          (images.row(x) - mesh_y.positions.row(coarse_map[x])).norm()));
+          (images.row(x) - mesh_y.positions.row(filtered[x])).norm()));
       residuals.push_back(static_cast<float>(alignment->Residual(x)));
       images.row(x) = PositionOf(mesh_y, alignment->points()[x]);
     }

@@ -23,12 +23,11 @@ std::vector<PrecisePoint> PrecisePoints(
     const ElasticAlignment* alignment, const VertexMap& user_map);
 
 /// Fills result->quality and result->confidence of the map between working
-/// vertices. `coarse_map` is what it was before the alignment, `offsets` how
+/// vertices. `filtered` is what it was before the alignment, `offsets` how
 /// far from the images the most alike vertices lie (ErrorSigns); unused without
 /// an alignment. REQUIRES: result->y_from_x.
 absl::Status ReportQuality(const std::array<WorkingMesh, 2>& working,
-                           const VertexMap& y_from_x,
-                           const VertexMap& coarse_map,
+                           const VertexMap& y_from_x, const VertexMap& filtered,
                            const std::vector<float>& offsets,
                            const ElasticAlignment* alignment,
                            const std::stop_token& stop, Correspondence* result);

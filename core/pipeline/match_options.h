@@ -44,7 +44,8 @@ struct MatchOptions {
   int max_seeds = 1000;
   /// How many competing maps survive, by increasing `matches`; the last round
   /// keeps one, at `first_stage_matches`.
-  std::vector<SelectionRound> selection_rounds = {{12, 400}, {40, 60}, {80, 12}};
+  std::vector<SelectionRound> selection_rounds = {
+      {12, 400}, {40, 60}, {80, 12}};
   Selection selection = Selection::kEmbeddingError;
   /// Competing maps with a negative orientation score come last from this many
   /// matches on; 0 switches the cue off. Not in the paper.
@@ -103,7 +104,8 @@ struct MatchOptions {
 
   /// Refinement of the dense map in place of ZoomOut; not in the paper. The
   /// radius of descriptors (core/descriptor/shot_descriptor.h) by which better
-  /// images are looked for nearby, 0 to leave them out, in [0, 1]; rounds of
+  /// images are looked for nearby, at least three mean edges of the coarser
+  /// mesh, 0 to leave them out, in [0, 1]; rounds of
   /// wavelet filtering (core/spectral/wavelet_filter.h) before the elastic
   /// alignment, and rounds of that (core/alignment/elastic_alignment.h) at
   /// stiffness falling from first to last. alignment_rounds 0 leaves all of it

@@ -259,12 +259,6 @@ class Matcher {
     return absl::OkStatus();
   }
 
-  static Environments AllEnvironments(const BasisPoints& basis) {
-    std::vector<VertexIndex> all(basis.num_vertices());
-    for (VertexIndex v = 0; v < basis.num_vertices(); ++v) all[v] = v;
-    return {basis, all};
-  }
-
   DenseMapSurface DenseSurface(Side side) const {
     return {*closeness_[side], working_[side].stars, laplacian_[side].mass};
   }
@@ -354,9 +348,13 @@ class Matcher {
         kept.push_back(landmark.match);
       }
     }
+    const bool moved =
+        std::any_of(kept.begin(), kept.end(), [&](const VertexMatch& landmark) {
+          return alignment_->y_from_x()[landmark.x] != landmark.y;
+        });
     alignment_->Fix(kept);
     ISOMATCH_RETURN_IF_ERROR(
-        choice_->Finish(progress_.Part(0, 1), alignment_.get()));
+        choice_->Finish(moved, progress_.Part(0, 1), alignment_.get()));
     best().y_from_x = alignment_->y_from_x();
     ISOMATCH_ASSIGN_OR_RETURN(offsets_,
                               choice_->DescriptorOffsets(best().y_from_x));

@@ -4,8 +4,10 @@
 #include <initializer_list>
 #include <thread>
 
+#include "core/descriptor/shot_descriptor.h"
 #include "core/geodesic/basis_points.h"
 #include "core/matching/closeness.h"
+#include "core/pipeline/candidates.h"
 #include "core/pipeline/matcher.h"
 #include "core/pipeline/stage_plan.h"
 
@@ -16,6 +18,10 @@ namespace {
 
 /// Code pages, allocator slack and thread stacks that appear with a first run.
 constexpr double kFixed = 24e6;
+/// Samples of NearestBySamples.
+constexpr double kSamples = 6000;
+/// A ConnectedBall, and what a large one holds.
+constexpr double kBallPerVertex = 8;
 /// A distance field workspace: distances, touched vertices, buckets.
 constexpr double kWorkspacePerVertex = 80;
 
@@ -73,17 +79,18 @@ ShapeBytes BytesOf(MeshSize mesh, std::int64_t num_landmarks,
   bytes.fields = 4 * n * basis;
   bytes.lanczos = count > 0 ? LanczosBytes(n, m, count) : 0;
   bytes.functions = 8 * n * count;
-  bytes.pool = (tabulated ? 4 * pool * pool : 0) + 120 * pool;
+  bytes.pool =
+      (tabulated ? 4 * pool * (pool + PointPool::kNearest) : 0) + 120 * pool;
   bytes.dense_columns = options.dense_from_closeness
-                            ? 4 * n * FirstStageMatches(num_landmarks, options)
+                            ? 4 * (n + std::min(n, kSamples)) *
+                                  FirstStageMatches(num_landmarks, options)
                             : 0;
   bytes.zoomout = 2 * 4 * n * count;
+  bytes.descriptors =
+      options.alignment_rounds > 0
+          ? 4 * kShotSize * std::min(n, double(kDescribedVertices)) + 4 * n
+          : 0;
   // Two alignments at once: the best yet and the one under judgement.
-  // The most that are described, and 352 floats each.
-  constexpr double kDescribed = 6000;
-  bytes.descriptors = options.alignment_rounds > 0
-                          ? 4 * 352 * std::min(n, kDescribed) + 16 * n
-                          : 0;
   bytes.alignment = options.alignment_rounds > 0
                         ? 2 * (4 * n * (count + 6) + 1200 * n + 40 * m +
                                12 * n * 3 * std::log2(std::max(n, 2.0)))
@@ -139,7 +146,7 @@ std::int64_t EstimateMemoryBytes(MeshSize x, MeshSize y,
       late + both(&ShapeBytes::dense_columns) + environments,
       late + both(&ShapeBytes::zoomout),
       late + both(&ShapeBytes::zoomout) + both(&ShapeBytes::descriptors) +
-          both(&ShapeBytes::alignment),
+          kBallPerVertex * n * threads + both(&ShapeBytes::alignment),
   });
   constexpr double kLargest = 9e18;
   return static_cast<std::int64_t>(std::min(peak + kFixed, kLargest));

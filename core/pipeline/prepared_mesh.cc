@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -42,14 +43,14 @@ Selected SelectVertices(const TriangleMesh& mesh, const Components& components,
                         const std::vector<bool>& keep) {
   Selected selected;
   selected.new_from_old.resize(components.of_vertex.size(), kNoVertex);
-  for (const VertexIndex v : SpatialOrder(mesh.positions)) {
-    if (!keep[components.of_vertex[v]]) {
-      selected.left_out.push_back(v);
-      continue;
-    }
-    selected.new_from_old[v] =
+  std::vector<VertexIndex> kept;
+  for (VertexIndex v = 0; v < mesh.num_vertices(); ++v) {
+    (keep[components.of_vertex[v]] ? kept : selected.left_out).push_back(v);
+  }
+  for (const VertexIndex i : SpatialOrder(mesh.positions(kept, Eigen::all))) {
+    selected.new_from_old[kept[i]] =
         static_cast<VertexIndex>(selected.old_from_new.size());
-    selected.old_from_new.push_back(v);
+    selected.old_from_new.push_back(kept[i]);
   }
   return selected;
 }
@@ -145,6 +146,12 @@ absl::StatusOr<GeodesicHash> HashGeodesics(
                            hash.farthest_points.begin() + basis_count},
                           progress, stop));
   return hash;
+}
+
+Environments AllEnvironments(const BasisPoints& basis) {
+  std::vector<VertexIndex> all(basis.num_vertices());
+  std::iota(all.begin(), all.end(), 0);
+  return {basis, all};
 }
 
 std::vector<VertexIndex> PoolVertices(const GeodesicHash& hash, int pool_size,

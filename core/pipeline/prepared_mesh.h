@@ -18,7 +18,7 @@ namespace isomatch {
 /// numbering.
 struct WorkingMesh {
   /// Clean (core/mesh/clean_mesh.h), only the components that matter, centred
-  /// at the origin and of surface area 1.
+  /// at the origin and of surface area 1, renumbered in SpatialOrder.
   TriangleMesh mesh;
   Positions normals;
   VertexStars stars;
@@ -52,6 +52,9 @@ struct GeodesicHash {
 absl::StatusOr<GeodesicHash> HashGeodesics(
     const WorkingMesh& working, int num_points,
     const std::function<void(double)>& progress, const std::stop_token& stop);
+
+/// The environments of the basis points, of all vertices (Section 3.1).
+Environments AllEnvironments(const BasisPoints& basis);
 
 /// Vertices of a pool: the first `pool_size` farthest points (all vertices when
 /// 0), then those of `extra` that are not among them.

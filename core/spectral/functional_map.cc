@@ -71,7 +71,7 @@ Eigen::MatrixXd FunctionalMapFromVertexMap(
   const Eigen::Index parts =
       std::clamp<Eigen::Index>((count + kBlock - 1) / kBlock, 1, kParts);
   std::vector<Sums> sums(parts);
-  // Never asked to stop: it takes milliseconds.
+  // Never asked to stop: well below a second up to a million vertices.
   const absl::Status status =
       ParallelFor(parts, std::stop_token(), [&](std::int64_t part) {
         const Eigen::Index begin = part * count / parts;

@@ -158,7 +158,7 @@ TEST(MatcherTest, DoesNotDependOnTheUnit) {
 TEST(MatcherTest, LandmarksTakeThePlaceOfSeeds) {
   const TriangleMesh mesh = FiveArms(3);
   const auto permutation = RandomPermutation(mesh.num_vertices(), /*seed=*/2);
-  const TriangleMesh other = Relabelled(mesh, permutation);
+  const TriangleMesh other = Moved(Relabelled(mesh, permutation), 3);
   for (const std::size_t count : {1, 2, 6, 100, 400}) {
     std::vector<Landmark> landmarks;
     for (std::size_t i = 0; i < count; ++i) {
@@ -169,6 +169,29 @@ TEST(MatcherTest, LandmarksTakeThePlaceOfSeeds) {
     ASSERT_THAT(found, IsOk());
     EXPECT_GT(FractionRight(found->y_from_x, permutation), 0.95) << count;
     EXPECT_GE(found->sparse_matches.size(), count);
+  }
+}
+
+TEST(MatcherTest, PrecisePointsOfLandmarksAreTheirs) {
+  const TriangleMesh mesh = FiveArms(3);
+  const auto permutation = RandomPermutation(mesh.num_vertices(), /*seed=*/2);
+  MatchOptions options = QuickOptions();
+  // So few that all have run when the choice is made.
+  options.alignment_rounds = 3;
+  options.landmarks_exact = true;
+  const std::vector<Landmark> landmarks = {
+      {10, permutation[11]}, {200, permutation[200]}, {400, permutation[400]}};
+  const auto found =
+      Match(mesh, Moved(Relabelled(mesh, permutation), 3), landmarks, options);
+  ASSERT_THAT(found, IsOk());
+  for (const Landmark& landmark : landmarks) {
+    EXPECT_EQ(found->y_from_x[landmark.x], landmark.y);
+    const PrecisePoint& point = found->precise[landmark.x];
+    double there = 0;
+    for (int corner = 0; corner < 3; ++corner) {
+      if (point.vertices[corner] == landmark.y) there += point.weights[corner];
+    }
+    EXPECT_NEAR(there, 1, 1e-6);
   }
 }
 
