@@ -1,7 +1,6 @@
 #include "core/alignment/elastic_alignment.h"
 
 #include <algorithm>
-#include <cmath>
 #include <utility>
 
 #include "core/base/parallel.h"
@@ -140,10 +139,8 @@ AlignmentScore ElasticAlignment::Score() const {
   AlignmentScore score;
   const Eigen::VectorXd& mass = x_.laplacian.mass;
   for (VertexIndex x = 0; x < x_.mesh.num_vertices(); ++x) {
-    score.distance += mass[x] * Residual(x) * Residual(x);
     score.normal_mismatch += mass[x] * NormalMismatch(x);
   }
-  score.distance = std::sqrt(score.distance / mass.sum());
   score.normal_mismatch /= mass.sum();
   score.stretch = surface_.Energy(aligned_.positions) / mass.sum();
   return score;

@@ -43,8 +43,6 @@ struct AlignmentScore {
   double stretch = 0;
   /// Mean 1 - cosine between the normals of aligned points, area-weighted.
   double normal_mismatch = 0;
-  /// Root mean square distance of aligned points, sqrt(area), area-weighted.
-  double distance = 0;
 };
 
 /// Refines a dense map by laying the surface of X elastically on that of Y: X

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <limits>
 
-#include "core/base/parallel.h"
 #include "core/base/status_macros.h"
 #include "core/mesh/connected_ball.h"
 #include "core/mesh/surface_samples.h"
@@ -11,7 +10,6 @@
 namespace isomatch {
 namespace {
 
-constexpr std::int64_t kVerticesPerTask = 256;
 /// Vertices whose descriptors DescriptorMismatch compares.
 constexpr std::size_t kProbes = 1500;
 
@@ -58,17 +56,12 @@ absl::StatusOr<VertexMap> MatchNearby(const ShapeDescriptors& x,
     }
     return best;
   };
-  const auto count = static_cast<std::int64_t>(x.vertices.size());
-  ISOMATCH_RETURN_IF_ERROR(ParallelFor(
-      (count + kVerticesPerTask - 1) / kVerticesPerTask, stop,
-      [&](std::int64_t task) {
-        ConnectedBall around(surface_y.mesh, surface_y.stars);
-        const std::int64_t end = std::min(count, (task + 1) * kVerticesPerTask);
-        for (std::int64_t i = task * kVerticesPerTask; i < end; ++i) {
-          if (stop.stop_requested()) return;
-          matches[x.vertices[i]] = most_alike(i, &around);
-        }
-      }));
+  ISOMATCH_RETURN_IF_ERROR(
+      ParallelForWithBall(surface_y.mesh, surface_y.stars,
+                          static_cast<std::int64_t>(x.vertices.size()), stop,
+                          [&](std::int64_t i, ConnectedBall* around) {
+                            matches[x.vertices[i]] = most_alike(i, around);
+                          }));
   return matches;
 }
 

@@ -8,7 +8,6 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 
-#include "core/base/parallel.h"
 #include "core/base/status_macros.h"
 #include "core/mesh/connected_ball.h"
 
@@ -20,8 +19,6 @@ constexpr int kElevations = 2;
 constexpr int kShells = 2;
 constexpr int kCosines = 11;
 static_assert(kAzimuths * kElevations * kShells * kCosines == kShotSize);
-
-constexpr std::int64_t kVerticesPerTask = 256;
 
 /// Axes as columns.
 using Frame = Eigen::Matrix3d;
@@ -128,15 +125,10 @@ absl::StatusOr<PointColumns> ShotDescriptors(
     double radius, const std::stop_token& stop) {
   const auto count = static_cast<std::int64_t>(vertices.size());
   PointColumns columns(kShotSize, count);
-  ISOMATCH_RETURN_IF_ERROR(ParallelFor(
-      (count + kVerticesPerTask - 1) / kVerticesPerTask, stop,
-      [&](std::int64_t task) {
-        ConnectedBall around(surface.mesh, surface.stars);
-        const std::int64_t end = std::min(count, (task + 1) * kVerticesPerTask);
-        for (std::int64_t i = task * kVerticesPerTask; i < end; ++i) {
-          if (stop.stop_requested()) return;
-          Describe(surface, vertices[i], radius, &around, columns.col(i));
-        }
+  ISOMATCH_RETURN_IF_ERROR(ParallelForWithBall(
+      surface.mesh, surface.stars, count, stop,
+      [&](std::int64_t i, ConnectedBall* around) {
+        Describe(surface, vertices[i], radius, around, columns.col(i));
       }));
   return columns;
 }

@@ -1,6 +1,15 @@
 #include "core/mesh/connected_ball.h"
 
+#include <algorithm>
+
+#include "core/base/parallel.h"
+
 namespace isomatch {
+namespace {
+
+constexpr std::int64_t kIndicesPerTask = 256;
+
+}  // namespace
 
 ConnectedBall::ConnectedBall(const TriangleMesh& mesh, const VertexStars& stars)
     : mesh_(mesh), stars_(stars), visited_(mesh.num_vertices(), 0) {}
@@ -20,6 +29,21 @@ const std::vector<ConnectedBall::Member>& ConnectedBall::Around(
     }
   }
   return members_;
+}
+
+absl::Status ParallelForWithBall(
+    const TriangleMesh& mesh, const VertexStars& stars, std::int64_t count,
+    const std::stop_token& stop,
+    const std::function<void(std::int64_t, ConnectedBall*)>& body) {
+  const std::int64_t tasks = (count + kIndicesPerTask - 1) / kIndicesPerTask;
+  return ParallelFor(tasks, stop, [&](std::int64_t task) {
+    ConnectedBall ball(mesh, stars);
+    const std::int64_t end = std::min(count, (task + 1) * kIndicesPerTask);
+    for (std::int64_t i = task * kIndicesPerTask; i < end; ++i) {
+      if (stop.stop_requested()) return;
+      body(i, &ball);
+    }
+  });
 }
 
 }  // namespace isomatch

@@ -1,8 +1,11 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
+#include <stop_token>
 #include <vector>
 
+#include "absl/status/status.h"
 #include "core/base/vertex_index.h"
 #include "core/mesh/triangle_mesh.h"
 #include "core/mesh/vertex_stars.h"
@@ -35,5 +38,12 @@ class ConnectedBall {
   std::uint32_t visit_ = 0;
   std::vector<std::uint32_t> visited_;  ///< the last visit of each vertex
 };
+
+/// Calls `body(i, ball)` for i in [0, count) as ParallelFor does, each task
+/// with a ball of its own. Balls can be large: a stop is seen between any two.
+absl::Status ParallelForWithBall(
+    const TriangleMesh& mesh, const VertexStars& stars, std::int64_t count,
+    const std::stop_token& stop,
+    const std::function<void(std::int64_t, ConnectedBall*)>& body);
 
 }  // namespace isomatch

@@ -9,7 +9,6 @@ namespace isomatch {
 namespace {
 
 constexpr double kMostComparisons = 1e8;
-constexpr std::int64_t kSamples = 6000;
 constexpr std::int64_t kVerticesPerTask = 256;
 
 PointColumns Gather(const PointColumns& columns,
@@ -114,7 +113,7 @@ absl::StatusOr<VertexMap> NearestOnSurface(const PointsOnSurface& x,
   if (double(x.columns.cols()) * double(y.columns.cols()) <= kMostComparisons) {
     return NearestColumns(x.columns, y.columns, stop);
   }
-  return NearestBySamples(x, y, kSamples, stop);
+  return NearestBySamples(x, y, kSurfaceSamples, stop);
 }
 
 }  // namespace isomatch

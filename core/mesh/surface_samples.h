@@ -18,6 +18,9 @@ namespace isomatch {
 std::vector<VertexIndex> EvenlyByArea(const Eigen::VectorXd& areas,
                                       std::int64_t count);
 
+/// Samples a side that NearestOnSurface takes.
+inline constexpr std::int64_t kSurfaceSamples = 6000;
+
 /// Some vertices of a surface that stand for all.
 struct SurfaceSamples {
   std::vector<VertexIndex> vertices;

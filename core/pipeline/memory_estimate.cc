@@ -7,6 +7,7 @@
 #include "core/descriptor/shot_descriptor.h"
 #include "core/geodesic/basis_points.h"
 #include "core/matching/closeness.h"
+#include "core/mesh/surface_samples.h"
 #include "core/pipeline/candidates.h"
 #include "core/pipeline/matcher.h"
 #include "core/pipeline/stage_plan.h"
@@ -18,8 +19,6 @@ namespace {
 
 /// Code pages, allocator slack and thread stacks that appear with a first run.
 constexpr double kFixed = 24e6;
-/// Samples of NearestBySamples.
-constexpr double kSamples = 6000;
 /// A ConnectedBall, and what a large one holds.
 constexpr double kBallPerVertex = 8;
 /// A distance field workspace: distances, touched vertices, buckets.
@@ -82,7 +81,7 @@ ShapeBytes BytesOf(MeshSize mesh, std::int64_t num_landmarks,
   bytes.pool =
       (tabulated ? 4 * pool * (pool + PointPool::kNearest) : 0) + 120 * pool;
   bytes.dense_columns = options.dense_from_closeness
-                            ? 4 * (n + std::min(n, kSamples)) *
+                            ? 4 * (n + std::min(n, double(kSurfaceSamples))) *
                                   FirstStageMatches(num_landmarks, options)
                             : 0;
   bytes.zoomout = 2 * 4 * n * count;
