@@ -43,6 +43,7 @@ RESTRICTED = {
     r"grpc": {"server/rpc", "server", "client", "proto"},
     r"draco/": {"core/io"},
     r"Spectra/": {"core/spectral"},
+    r"meshoptimizer\.h": {"core/mesh"},
     r"spdlog": {"server/rpc", "server"},
     r"CGAL/": {"client"},
     # A clock; core/base/mutex.h may wait, but tells no time to core.

@@ -127,6 +127,20 @@ absl::Status ElasticAlignment::Run(double stiffness, int rounds,
   return absl::OkStatus();
 }
 
+absl::StatusOr<std::vector<SurfacePoint>> ElasticAlignment::PrecisePoints(
+    const std::stop_token& stop) {
+  std::vector<SurfacePoint> precise(x_.mesh.num_vertices());
+  ISOMATCH_RETURN_IF_ERROR(ForEachVertexOfX(stop, [&](VertexIndex x) {
+    // What a landmark is like does not matter: its point is at its image.
+    precise[x] =
+        fixed_[x] != kNoVertex
+            ? points_[x]
+            : NearestOnFaces(y_.mesh.faces, y_.stars.Faces(y_from_x_[x]),
+                             features_y_, features_x_.col(x));
+  }));
+  return precise;
+}
+
 double ElasticAlignment::Residual(VertexIndex x) const {
   return (aligned_.positions.row(x) - PositionOf(y_.mesh, points_[x])).norm();
 }

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "absl/status/status.h"
+#include "absl/status/statusor.h"
 #include "absl/types/span.h"
 #include "core/alignment/deformable_surface.h"
 #include "core/base/nearest_columns.h"
@@ -69,11 +70,14 @@ class ElasticAlignment {
   absl::Status Run(double stiffness, int rounds, const std::stop_token& stop);
 
   const VertexMap& y_from_x() const { return y_from_x_; }
-  /// For each vertex of X the nearest point of Y's surface around its image.
-  const std::vector<SurfacePoint>& points() const { return points_; }
   /// REQUIRES of the following: Run.
+  ///
+  /// For each vertex of X the most alike point of the faces around its image;
+  /// of landmarks the image. CANCELLED after `stop`.
+  absl::StatusOr<std::vector<SurfacePoint>> PrecisePoints(
+      const std::stop_token& stop);
   AlignmentScore Score() const;
-  /// Distance of a vertex of the laid-on X from its point, sqrt(area).
+  /// Distance of a vertex of the laid-on X from Y around its image, sqrt(area).
   double Residual(VertexIndex x) const;
   /// 1 - cosine between the normals there.
   double NormalMismatch(VertexIndex x) const;
@@ -95,10 +99,10 @@ class ElasticAlignment {
   TriangleMesh aligned_;  ///< X laid on Y
   Positions normals_;     ///< of aligned_
   VertexMap y_from_x_;
-  VertexMap fixed_;  ///< images of landmarks, else kNoVertex
-  std::vector<SurfacePoint> points_;
-  Positions targets_;     ///< what each vertex is pulled to
-  Eigen::VectorXd pull_;  ///< how much
+  VertexMap fixed_;                   ///< images of landmarks, else kNoVertex
+  std::vector<SurfacePoint> points_;  ///< nearest in space, around the image
+  Positions targets_;                 ///< what each vertex is pulled to
+  Eigen::VectorXd pull_;              ///< how much
   /// One vertex a column: eigenfunctions, position, normal, weighted.
   PointColumns features_x_;
   PointColumns features_y_;

@@ -54,6 +54,16 @@ absl::StatusOr<BasisPoints> BasisPoints::Create(
   return basis;
 }
 
+BasisPoints BasisPoints::FromFields(std::vector<VertexIndex> points,
+                                    VertexIndex num_vertices,
+                                    std::vector<float> fields) {
+  BasisPoints basis;
+  basis.points_ = std::move(points);
+  basis.num_vertices_ = num_vertices;
+  basis.fields_ = std::move(fields);
+  return basis;
+}
+
 float BasisPoints::LowerBound(VertexIndex u, VertexIndex v) const {
   return (Row(Profile(u), num_points()) - Row(Profile(v), num_points()))
       .abs()

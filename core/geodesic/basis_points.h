@@ -31,6 +31,13 @@ class BasisPoints {
       const DistanceFieldSolver& solver, std::vector<VertexIndex> points,
       const std::function<void(double)>& progress, const std::stop_token& stop);
 
+  /// Of fields that were computed before. REQUIRES: fields.size() ==
+  /// num_vertices points.size(), row by vertex.
+  static BasisPoints FromFields(std::vector<VertexIndex> points,
+                                VertexIndex num_vertices,
+                                std::vector<float> fields);
+  const std::vector<float>& fields() const { return fields_; }
+
   /// The vertices Z, in order of farthest point sampling.
   const std::vector<VertexIndex>& points() const { return points_; }
   int num_points() const { return static_cast<int>(points_.size()); }

@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 
 #include "absl/types/span.h"
+#include "core/base/nearest_columns.h"
 #include "core/mesh/triangle_mesh.h"
 
 namespace isomatch {
@@ -25,5 +26,12 @@ Eigen::RowVector3d PositionOf(const TriangleMesh& mesh,
 SurfacePoint NearestOnFaces(const TriangleMesh& mesh,
                             absl::Span<const VertexIndex> faces,
                             const Eigen::RowVector3d& position);
+
+/// The same where vertices have places in another space, one a column, linear
+/// on each face: the point nearest to `wanted` there.
+SurfacePoint NearestOnFaces(const Faces& mesh_faces,
+                            absl::Span<const VertexIndex> faces,
+                            const PointColumns& columns,
+                            const Eigen::Ref<const Eigen::VectorXf>& wanted);
 
 }  // namespace isomatch

@@ -29,6 +29,17 @@ constexpr double kLeastEdgesInRadius = 3;
 constexpr double kPerfectRank = 1e-8;
 constexpr double kPerfectFit = 1e-4;
 
+AlignmentShape ShapeOf(const PreparedMesh& prepared) {
+  const WorkingMesh& solved = prepared.solved();
+  return {solved.mesh, solved.normals, prepared.laplacian, prepared.spectral,
+          solved.stars};
+}
+
+DescribedSurface SurfaceOf(const PreparedMesh& prepared) {
+  const WorkingMesh& solved = prepared.solved();
+  return {solved.mesh, solved.normals, prepared.laplacian.mass, solved.stars};
+}
+
 }  // namespace
 
 FirstStageOptions FirstStageOptionsOf(const MatchOptions& options,
@@ -49,36 +60,47 @@ FirstStageOptions FirstStageOptionsOf(const MatchOptions& options,
   return first;
 }
 
-CandidateChoice::CandidateChoice(const AlignmentShape& shape_x,
-                                 const AlignmentShape& shape_y, bool oriented,
+absl::Status Describe(const MatchOptions& options, const std::stop_token& stop,
+                      PreparedMesh* prepared) {
+  const WorkingMesh& solved = prepared->solved();
+  if (!solved.oriented || options.alignment_rounds == 0 ||
+      options.descriptor_radius == 0) {
+    return absl::OkStatus();
+  }
+  prepared->descriptor_radius =
+      std::max(options.descriptor_radius,
+               kLeastEdgesInRadius * MeanEdgeLength(solved.mesh));
+  ISOMATCH_ASSIGN_OR_RETURN(
+      prepared->descriptors,
+      DescribeShape(SurfaceOf(*prepared), kDescribedVertices,
+                    prepared->descriptor_radius, stop));
+  return absl::OkStatus();
+}
+
+CandidateChoice::CandidateChoice(const PreparedMesh& x, const PreparedMesh& y,
                                  const MatchOptions& options,
                                  const std::stop_token& stop)
-    : x_(shape_x),
-      y_(shape_y),
-      surface_x_{x_.mesh, x_.normals, x_.laplacian.mass, x_.stars},
-      surface_y_{y_.mesh, y_.normals, y_.laplacian.mass, y_.stars},
-      oriented_(oriented),
+    : x_(ShapeOf(x)),
+      y_(ShapeOf(y)),
+      surface_x_(SurfaceOf(x)),
+      surface_y_(SurfaceOf(y)),
+      oriented_(x.solved().oriented && y.solved().oriented),
       options_(options),
       stop_(stop),
-      radius_(std::max(
-          options.descriptor_radius,
-          kLeastEdgesInRadius *
-              std::max(MeanEdgeLength(x_.mesh), MeanEdgeLength(y_.mesh)))) {}
+      radius_(std::max(x.descriptor_radius, y.descriptor_radius)),
+      descriptors_{&x.descriptors, &y.descriptors},
+      prepared_radii_{x.descriptor_radius, y.descriptor_radius} {}
 
-absl::Status CandidateChoice::Describe() {
-  return RunBoth(
-      [&]() -> absl::Status {
-        ISOMATCH_ASSIGN_OR_RETURN(
-            descriptors_x_,
-            DescribeShape(surface_x_, kDescribedVertices, radius_, stop_));
-        return absl::OkStatus();
-      },
-      [&]() -> absl::Status {
-        ISOMATCH_ASSIGN_OR_RETURN(
-            descriptors_y_,
-            DescribeShape(surface_y_, kDescribedVertices, radius_, stop_));
-        return absl::OkStatus();
-      });
+/// Of a coarse and a fine mesh the fine one is described anew.
+absl::Status CandidateChoice::DescribeAlike() {
+  for (const Side side : {kX, kY}) {
+    if (prepared_radii_[side] == radius_) continue;
+    ISOMATCH_ASSIGN_OR_RETURN(
+        own_[side], DescribeShape(side == kX ? surface_x_ : surface_y_,
+                                  kDescribedVertices, radius_, stop_));
+    descriptors_[side] = &own_[side];
+  }
+  return absl::OkStatus();
 }
 
 /// Looks for the most alike vertices near the images, then lets the wavelet
@@ -92,7 +114,7 @@ absl::Status CandidateChoice::Filter(VertexMap* y_from_x) const {
   VertexMap matches = *y_from_x;
   if (described() && options_.wavelet_rounds > 0) {
     ISOMATCH_ASSIGN_OR_RETURN(
-        matches, MatchNearby(descriptors_x_, descriptors_y_, surface_y_,
+        matches, MatchNearby(*descriptors_[kX], *descriptors_[kY], surface_y_,
                              *y_from_x, NearbyMatchOptions(), stop_));
   }
   for (int round = 0; round < options_.wavelet_rounds; ++round) {
@@ -140,7 +162,7 @@ absl::Status CandidateChoice::Judge(const ElasticAlignment& alignment,
   if (described()) {
     ISOMATCH_ASSIGN_OR_RETURN(
         scores->descriptor_mismatch,
-        DescriptorMismatch(descriptors_x_, surface_y_, alignment.y_from_x(),
+        DescriptorMismatch(*descriptors_[kX], surface_y_, alignment.y_from_x(),
                            radius_, stop_));
     misfit *= scores->descriptor_mismatch;
   }
@@ -156,7 +178,7 @@ absl::StatusOr<std::unique_ptr<ElasticAlignment>> CandidateChoice::Choose(
   AlignmentOptions alignment_options;
   alignment_options.basis = options_.alignment_basis;
   if (!oriented_) alignment_options.normal_weight = 0;
-  if (described()) ISOMATCH_RETURN_IF_ERROR(Describe());
+  if (described()) ISOMATCH_RETURN_IF_ERROR(DescribeAlike());
   const int rounds = std::min(kJudgedRounds, options_.alignment_rounds);
   std::unique_ptr<ElasticAlignment> best;
   double least = std::numeric_limits<double>::infinity();
@@ -199,7 +221,7 @@ absl::StatusOr<std::vector<float>> CandidateChoice::DescriptorOffsets(
   if (!described()) return offsets;
   ISOMATCH_ASSIGN_OR_RETURN(
       const VertexMap alike,
-      MatchNearby(descriptors_x_, descriptors_y_, surface_y_, y_from_x,
+      MatchNearby(*descriptors_[kX], *descriptors_[kY], surface_y_, y_from_x,
                   {.reach = kOffsetReach}, stop_));
   for (std::size_t x = 0; x < alike.size(); ++x) {
     if (alike[x] == kNoVertex) continue;

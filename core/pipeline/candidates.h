@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -13,6 +14,7 @@
 #include "core/matching/first_stage.h"
 #include "core/pipeline/match_options.h"
 #include "core/pipeline/matcher.h"
+#include "core/pipeline/prepared_mesh.h"
 
 namespace isomatch {
 
@@ -29,6 +31,11 @@ struct Candidate {
   double objective = 0;  ///< Eq. 4
 };
 
+/// Describes the solved vertices of a mesh for the choice, where the options
+/// and its orientation want that. CANCELLED after `stop`.
+absl::Status Describe(const MatchOptions& options, const std::stop_token& stop,
+                      PreparedMesh* prepared);
+
 /// What the options say of the first stage, with this many landmarks.
 FirstStageOptions FirstStageOptionsOf(const MatchOptions& options,
                                       std::size_t num_landmarks);
@@ -39,10 +46,8 @@ FirstStageOptions FirstStageOptionsOf(const MatchOptions& options,
 /// References and `stop` must outlive it. Not thread-safe.
 class CandidateChoice {
  public:
-  /// `oriented`: normals of both mean something.
-  CandidateChoice(const AlignmentShape& shape_x, const AlignmentShape& shape_y,
-                  bool oriented, const MatchOptions& options,
-                  const std::stop_token& stop);
+  CandidateChoice(const PreparedMesh& x, const PreparedMesh& y,
+                  const MatchOptions& options, const std::stop_token& stop);
 
   /// Refines every candidate's dense map and lays it out by the first rounds of
   /// the elastic alignment; completes the scores and multiplies the rank value
@@ -68,7 +73,7 @@ class CandidateChoice {
       const VertexMap& y_from_x) const;
 
  private:
-  absl::Status Describe();
+  absl::Status DescribeAlike();
   absl::Status Filter(VertexMap* y_from_x) const;
   absl::Status RunRounds(int begin, int end,
                          const std::function<void(double)>& progress,
@@ -84,9 +89,11 @@ class CandidateChoice {
   const bool oriented_;
   const MatchOptions& options_;
   const std::stop_token& stop_;
-  double radius_;  ///< of the descriptors, sqrt(area)
-  ShapeDescriptors descriptors_x_;
-  ShapeDescriptors descriptors_y_;
+  const double radius_;  ///< of the descriptors, sqrt(area)
+  /// Of one radius: those that were prepared, or own ones.
+  std::array<const ShapeDescriptors*, 2> descriptors_;
+  const std::array<double, 2> prepared_radii_;
+  std::array<ShapeDescriptors, 2> own_;
 };
 
 /// 1 - rank value of the best / of the next; 1 without a next, 0 when nothing

@@ -10,65 +10,80 @@
 
 namespace isomatch {
 
-VertexMap ToUserMap(const std::array<WorkingMesh, 2>& working,
+VertexMap ToUserMap(const WorkingMesh& x, const WorkingMesh& y,
                     const VertexMap& y_from_x) {
   VertexMap user_map;
-  for (const VertexIndex x : working[kX].working_from_user) {
-    const VertexIndex y = x == kNoVertex ? kNoVertex : y_from_x[x];
-    user_map.push_back(y == kNoVertex ? kNoVertex
-                                      : working[kY].user_from_working[y]);
+  for (const VertexIndex v : x.working_from_user) {
+    const VertexIndex image = v == kNoVertex ? kNoVertex : y_from_x[v];
+    user_map.push_back(image == kNoVertex ? kNoVertex
+                                          : y.user_from_working[image]);
   }
   return user_map;
 }
 
-std::vector<PrecisePoint> PrecisePoints(
-    const std::array<WorkingMesh, 2>& working,
-    const ElasticAlignment* alignment, const VertexMap& user_map) {
-  std::vector<PrecisePoint> points(user_map.size());
+std::vector<PrecisePoint> ToUserPoints(const WorkingMesh& x,
+                                       const WorkingMesh& y,
+                                       const std::vector<SurfacePoint>& points,
+                                       const VertexMap& user_map) {
+  std::vector<PrecisePoint> precise(user_map.size());
   for (std::size_t u = 0; u < user_map.size(); ++u) {
-    const VertexIndex x = working[kX].working_from_user[u];
-    const VertexIndex y = user_map[u];
-    if (x == kNoVertex || y == kNoVertex) continue;
-    if (alignment == nullptr) {
-      points[u] = {{y, y, y}, {1, 0, 0}};
+    const VertexIndex v = x.working_from_user[u];
+    const VertexIndex image = user_map[u];
+    if (v == kNoVertex || image == kNoVertex) continue;
+    if (points.empty()) {
+      precise[u] = {{image, image, image}, {1, 0, 0}};
       continue;
     }
-    const SurfacePoint& found = alignment->points()[x];
     for (int corner = 0; corner < 3; ++corner) {
-      points[u].vertices[corner] =
-          working[kY]
-              .user_from_working[working[kY].mesh.faces(found.face, corner)];
-      points[u].weights[corner] = found.weights[corner];
+      precise[u].vertices[corner] =
+          y.user_from_working[y.mesh.faces(points[v].face, corner)];
+      precise[u].weights[corner] = points[v].weights[corner];
     }
   }
-  return points;
+  return precise;
 }
 
-absl::Status ReportQuality(const std::array<WorkingMesh, 2>& working,
-                           const VertexMap& y_from_x, const VertexMap& filtered,
-                           const std::vector<float>& offsets,
-                           const ElasticAlignment* alignment,
-                           const std::stop_token& stop,
+namespace {
+
+/// Values of solved vertices at one of all vertices.
+float Interpolate(const PreparedMesh& x, const std::vector<float>& values,
+                  VertexIndex v) {
+  if (!x.coarse) return values[v];
+  const SurfacePoint& point = x.coarse->embedding.points[v];
+  double sum = 0;
+  for (int corner = 0; corner < 3; ++corner) {
+    sum += point.weights[corner] *
+           values[x.coarse->working.mesh.faces(point.face, corner)];
+  }
+  return static_cast<float>(sum);
+}
+
+}  // namespace
+
+absl::Status ReportQuality(const PreparedMesh& x, const PreparedMesh& y,
+                           const SolvedMap& map, const std::stop_token& stop,
                            Correspondence* result) {
-  const TriangleMesh& mesh_x = working[kX].mesh;
-  const TriangleMesh& mesh_y = working[kY].mesh;
-  Positions images = mesh_y.positions(y_from_x, Eigen::all);
+  const TriangleMesh& mesh_x = x.solved().mesh;
+  const TriangleMesh& mesh_y = y.solved().mesh;
+  Positions images = mesh_y.positions(map.y_from_x, Eigen::all);
   std::vector<float> moved;
   std::vector<float> residuals;
-  if (alignment != nullptr) {
-    for (VertexIndex x = 0; x < mesh_x.num_vertices(); ++x) {
+  if (map.alignment != nullptr) {
+    for (VertexIndex v = 0; v < mesh_x.num_vertices(); ++v) {
       moved.push_back(static_cast<float>(
-          (images.row(x) - mesh_y.positions.row(filtered[x])).norm()));
-      residuals.push_back(static_cast<float>(alignment->Residual(x)));
-      images.row(x) = PositionOf(mesh_y, alignment->points()[x]);
+          (images.row(v) - mesh_y.positions.row(map.filtered[v])).norm()));
+      residuals.push_back(static_cast<float>(map.alignment->Residual(v)));
+      images.row(v) = PositionOf(mesh_y, map.points[v]);
     }
   }
-  ISOMATCH_ASSIGN_OR_RETURN(const MapMeasures measures,
-                            MeasureMap(mesh_x, mesh_y, y_from_x, images, stop));
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const MapMeasures measures,
+      MeasureMap(mesh_x, mesh_y, map.y_from_x, images, stop));
   const std::vector<float> confidence = ConfidenceOf(
-      {measures.distortions, moved, residuals, offsets}, working[kX].stars);
-  for (const VertexIndex x : working[kX].working_from_user) {
-    result->confidence.push_back(x == kNoVertex ? 0 : confidence[x]);
+      {measures.distortions, moved, residuals, map.offsets}, x.solved().stars);
+  for (const VertexIndex v : x.full.working_from_user) {
+    result->confidence.push_back(
+        v == kNoVertex ? 0 : Interpolate(x, confidence, v));
   }
   result->quality = {
       measures.geodesic_distortion, measures.coverage, measures.area_distortion,

@@ -73,31 +73,43 @@ absl::Status ValidateLandmarks(absl::Span<const Landmark> landmarks,
 }
 
 absl::StatusOr<std::vector<WorkingLandmark>> TakeLandmarks(
-    absl::Span<const VertexMatch> landmarks, const WorkingMesh& working_x,
-    const WorkingMesh& working_y, std::vector<std::string>* warnings) {
+    absl::Span<const VertexMatch> landmarks, const PreparedMesh& x,
+    const PreparedMesh& y, std::vector<std::string>* warnings) {
   std::vector<WorkingLandmark> taken;
-  std::set<VertexIndex> taken_x;
-  std::set<VertexIndex> taken_y;
+  std::set<VertexIndex> full_x;
+  std::set<VertexIndex> full_y;
+  std::unordered_map<VertexIndex, std::size_t> taken_x;
+  std::unordered_map<VertexIndex, std::size_t> taken_y;
   const std::size_t given = landmarks.size();
   const std::size_t used = std::min(given, kMaxLandmarks);
   for (std::size_t k = 0; k < used; ++k) {
     const std::size_t i = k * given / used;
-    const VertexMatch match = {working_x.working_from_user[landmarks[i].x],
-                               working_y.working_from_user[landmarks[i].y]};
-    if (match.x == kNoVertex || match.y == kNoVertex) {
+    const VertexIndex in_x = x.full.working_from_user[landmarks[i].x];
+    const VertexIndex in_y = y.full.working_from_user[landmarks[i].y];
+    if (in_x == kNoVertex || in_y == kNoVertex) {
       return absl::InvalidArgumentError(absl::StrCat(
-          "landmarks[", i, "].", match.x == kNoVertex ? "x" : "y",
+          "landmarks[", i, "].", in_x == kNoVertex ? "x" : "y",
           ": the vertex is on no face, expected one of the surface"));
     }
-    if (taken_x.count(match.x) > 0 || taken_y.count(match.y) > 0) {
+    if (full_x.count(in_x) > 0 || full_y.count(in_y) > 0) {
       warnings->push_back(absl::StrCat("landmarks[", i,
                                        "] left out: its vertex coincides with "
                                        "that of an earlier landmark"));
       continue;
     }
-    taken_x.insert(match.x);
-    taken_y.insert(match.y);
-    taken.push_back({match, i});
+    full_x.insert(in_x);
+    full_y.insert(in_y);
+    const VertexMatch match = {x.solved().working_from_user[landmarks[i].x],
+                               y.solved().working_from_user[landmarks[i].y]};
+    const auto [at_x, new_x] = taken_x.try_emplace(match.x, taken.size());
+    const auto [at_y, new_y] = taken_y.try_emplace(match.y, taken.size());
+    if (new_x && new_y) {
+      taken.push_back({match, i});
+      continue;
+    }
+    taken[new_x ? at_y->second : at_x->second].followers.push_back(i);
+    if (new_x) taken_x.erase(at_x);
+    if (new_y) taken_y.erase(at_y);
   }
   if (used < given) {
     warnings->push_back(absl::StrCat(used, " of ", given,

@@ -12,18 +12,21 @@
 
 namespace isomatch {
 
-/// One landmark on working vertices.
+/// One landmark on solved vertices.
 struct WorkingLandmark {
   VertexMatch match;
   std::size_t index;  ///< in the user's list
+  /// Others in that list that have a solved vertex in common with this one,
+  /// and so its fate.
+  std::vector<std::size_t> followers = {};
 };
 
-/// Landmarks as working vertices, each vertex once; at most 1000, evenly from
+/// Landmarks as solved vertices, each vertex once; at most 1000, evenly from
 /// the list. `warnings` gets what was left out. INVALID_ARGUMENT: one is on no
 /// face.
 absl::StatusOr<std::vector<WorkingLandmark>> TakeLandmarks(
-    absl::Span<const VertexMatch> landmarks, const WorkingMesh& working_x,
-    const WorkingMesh& working_y, std::vector<std::string>* warnings);
+    absl::Span<const VertexMatch> landmarks, const PreparedMesh& x,
+    const PreparedMesh& y, std::vector<std::string>* warnings);
 
 /// Returns those landmarks that agree with each other: while some agree with
 /// fewer than half of the rest, the worst goes. Two agree when their distance

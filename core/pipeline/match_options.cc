@@ -32,6 +32,10 @@ absl::Status ValidateFirstStage(const MatchOptions& o) {
   if (o.pool_size != 0) {
     ISOMATCH_RETURN_IF_ERROR(InRange("pool_size", o.pool_size, 16, 4000));
   }
+  if (o.solved_vertices != 0) {
+    ISOMATCH_RETURN_IF_ERROR(
+        InRange("solved_vertices", o.solved_vertices, 500, 1'000'000'000));
+  }
   ISOMATCH_RETURN_IF_ERROR(InRange("seed_points", o.seed_points, 1, 8));
   ISOMATCH_RETURN_IF_ERROR(InRange("seed_matches", o.seed_matches, 1, 4));
   if (o.seed_matches > o.seed_points) {
@@ -94,6 +98,7 @@ MatchOptions MatchOptions::ForProfile(Profile profile) {
   options.profile = profile;
   if (profile == Profile::kDefault) return options;
   options.pool_size = 0;
+  options.solved_vertices = 0;
   options.match_components = false;
   options.seed_points = 4;
   options.seed_matches = 3;

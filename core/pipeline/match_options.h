@@ -33,6 +33,11 @@ struct MatchOptions {
   /// farthest points, 16 to 4000, or all vertices when 0.
   int pool_size = 1000;
 
+  /// Meshes of more vertices than this (and a tenth) are decimated to about as
+  /// many; the map is found there and lifted to all vertices. 500 to 10^9, or 0
+  /// for never. Not in the paper.
+  int solved_vertices = 4000;
+
   /// Large components are paired by size and shape and matched one by one.
   /// Otherwise all that is known of them grows together. Not in the paper.
   bool match_components = true;

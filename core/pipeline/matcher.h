@@ -3,6 +3,7 @@
 #include <array>
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <stop_token>
 #include <string>
 #include <utility>
@@ -11,6 +12,7 @@
 #include <Eigen/Core>
 
 #include "absl/status/statusor.h"
+#include "absl/strings/string_view.h"
 #include "absl/types/span.h"
 #include "core/base/vertex_index.h"
 #include "core/mesh/triangle_mesh.h"
@@ -34,7 +36,7 @@ enum class Stage {
   kZoomOut,          ///< spectral refinement
   kChoice,           ///< distinct maps laid out coarsely, one chosen
   kAlignment,        ///< elastic alignment of the chosen one
-  kQuality,          ///< figures about the result
+  kQuality,          ///< the map of all vertices, figures about it
 };
 inline constexpr int kNumStages = 12;
 
@@ -106,7 +108,8 @@ struct LandmarkOutcome {
   double distance = 0;
 };
 
-/// What is known of a map's quality without a truth.
+/// What is known of a map's quality without a truth. Measured on the vertices
+/// that were solved on (MatchOptions::solved_vertices).
 struct MapQuality {
   /// Mean |d_X(a, b) - d_Y(map(a), map(b))| over sampled pairs, as a fraction
   /// of sqrt(area); 0 for an isometry.
@@ -142,6 +145,7 @@ struct Correspondence {
   std::vector<LandmarkOutcome> landmarks;
   /// With MatchOptions::keep_functional_map: k x k, the first k eigenfunctions
   /// of Y (columns) carried to X (rows), and the eigenvalues of both, 1 / area.
+  /// Of the decimated meshes where those were matched.
   Eigen::MatrixXd functional_map;
   Eigen::VectorXd eigenvalues_x;
   Eigen::VectorXd eigenvalues_y;
@@ -176,14 +180,57 @@ struct Correspondence {
 /// of meshes of several 100,000 vertices, which is not interrupted. INTERNAL: a
 /// numerical step failed.
 ///
-/// Time O(n log n sqrt(n)) up to the nearest neighbours, memory O(n sqrt(n));
-/// EstimateMemoryBytes bounds the latter.
+/// Time and memory O(n) beyond MatchOptions::solved_vertices. Without that time
+/// O(n log n sqrt(n)) up to the nearest neighbours, memory O(n sqrt(n)).
+/// EstimateMemoryBytes bounds the memory.
 absl::StatusOr<Correspondence> Match(const TriangleMesh& mesh_x,
                                      const TriangleMesh& mesh_y,
                                      absl::Span<const Landmark> landmarks,
                                      const MatchOptions& options,
                                      const ProgressCallback& progress = {},
                                      std::stop_token stop = {});
+
+/// A mesh and what matching needs to know of it alone: cleaned, decimated,
+/// distance fields, eigenpairs, curvature, descriptors. Whoever matches one
+/// mesh with many prepares it once. Cheap to copy; thread-safe.
+class PreparedShape {
+ public:
+  struct Contents;
+  explicit PreparedShape(std::shared_ptr<const Contents> contents)
+      : contents_(std::move(contents)) {}
+  const Contents& contents() const { return *contents_; }
+
+ private:
+  std::shared_ptr<const Contents> contents_;
+};
+
+/// Prepares a mesh for Match with these options. Errors as Match; `mesh` is
+/// named "mesh". Reports the first three stages.
+absl::StatusOr<PreparedShape> Prepare(TriangleMesh mesh,
+                                      const MatchOptions& options,
+                                      const ProgressCallback& progress = {},
+                                      std::stop_token stop = {});
+
+/// Match of prepared shapes: the same result as of their meshes.
+/// INVALID_ARGUMENT also when one was prepared for other options; the message
+/// names the option. Meshes of several large components, which are matched one
+/// by one, are prepared anew.
+absl::StatusOr<Correspondence> Match(const PreparedShape& x,
+                                     const PreparedShape& y,
+                                     absl::Span<const Landmark> landmarks,
+                                     const MatchOptions& options,
+                                     const ProgressCallback& progress = {},
+                                     std::stop_token stop = {});
+
+/// A prepared shape as bytes, for ParsePreparedShape of the same version of
+/// Isomatch. Takes about 9 kB for each solved vertex and 36 for each other.
+std::string SerializePreparedShape(const PreparedShape& shape);
+
+/// Reads what SerializePreparedShape wrote; cleaning and decimation are done
+/// again. DATA_LOSS: cut off, changed, or of another version. CANCELLED after
+/// `stop`.
+absl::StatusOr<PreparedShape> ParsePreparedShape(absl::string_view bytes,
+                                                 std::stop_token stop = {});
 
 /// Checks landmarks as Match does: every index in range, no vertex of X or Y in
 /// two of them. The message names `landmarks[i]`.

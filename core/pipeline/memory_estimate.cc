@@ -10,6 +10,7 @@
 #include "core/mesh/surface_samples.h"
 #include "core/pipeline/candidates.h"
 #include "core/pipeline/matcher.h"
+#include "core/pipeline/prepared_mesh.h"
 #include "core/pipeline/stage_plan.h"
 
 namespace isomatch {
@@ -111,6 +112,24 @@ double MatchingBytes(MeshSize x, MeshSize y, std::int64_t num_landmarks,
   return each * (threads + 1);
 }
 
+/// What is solved on in place of `mesh`.
+MeshSize SolvedSize(MeshSize mesh, const MatchOptions& options) {
+  if (!IsDecimated(mesh.vertices, options)) return mesh;
+  // Decimation may leave some more.
+  const auto vertices =
+      static_cast<std::int64_t>(1.1 * options.solved_vertices);
+  return {vertices, 2 * vertices};
+}
+
+/// What a decimated mesh takes beside the one solved on.
+double FullBytes(MeshSize mesh, const MatchOptions& options) {
+  if (!IsDecimated(mesh.vertices, options)) return 0;
+  // The mesh clean and as given, normals, stars and maps; then decimation, or
+  // at the end what lies where on the other shape.
+  return 300.0 * static_cast<double>(mesh.vertices) +
+         90.0 * static_cast<double>(mesh.faces);
+}
+
 double Threads(const MatchOptions& options) {
   return options.threads > 0
              ? options.threads
@@ -122,6 +141,9 @@ double Threads(const MatchOptions& options) {
 std::int64_t EstimateMemoryBytes(MeshSize x, MeshSize y,
                                  std::int64_t num_landmarks,
                                  const MatchOptions& options) {
+  const double full = FullBytes(x, options) + FullBytes(y, options);
+  x = SolvedSize(x, options);
+  y = SolvedSize(y, options);
   const ShapeBytes bytes_x = BytesOf(x, num_landmarks, options);
   const ShapeBytes bytes_y = BytesOf(y, num_landmarks, options);
   const auto both = [&](double ShapeBytes::*member) {
@@ -148,7 +170,7 @@ std::int64_t EstimateMemoryBytes(MeshSize x, MeshSize y,
           kBallPerVertex * n * threads + both(&ShapeBytes::alignment),
   });
   constexpr double kLargest = 9e18;
-  return static_cast<std::int64_t>(std::min(peak + kFixed, kLargest));
+  return static_cast<std::int64_t>(std::min(full + peak + kFixed, kLargest));
 }
 
 }  // namespace isomatch

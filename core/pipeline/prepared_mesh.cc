@@ -6,9 +6,11 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/parallel.h"
 #include "core/base/status_macros.h"
 #include "core/geodesic/farthest_point_sampling.h"
 #include "core/mesh/clean_mesh.h"
+#include "core/mesh/decimation.h"
 #include "core/mesh/mesh_geometry.h"
 #include "core/mesh/nearest_vertices.h"
 #include "core/mesh/spatial_order.h"
@@ -127,6 +129,82 @@ absl::StatusOr<WorkingMesh> MakeWorkingMesh(const TriangleMesh& mesh,
   working.normals = VertexNormals(working.mesh);
   working.stars = VertexStars(working.mesh);
   return working;
+}
+
+namespace {
+
+absl::StatusOr<CoarseLevel> MakeCoarse(const WorkingMesh& full,
+                                       VertexIndex vertices,
+                                       const std::stop_token& stop) {
+  const CoarseMesh decimated = Decimate(full.mesh, vertices);
+  ISOMATCH_RETURN_IF_ERROR(CheckNotCancelled(stop));
+  CoarseLevel coarse;
+  ISOMATCH_ASSIGN_OR_RETURN(coarse.working,
+                            MakeWorkingMesh(decimated.mesh, stop));
+  // Its "user" is the decimated mesh so far. Every full vertex is near a vertex
+  // of that, and each of those is or has one that stands for it.
+  VertexMap nearest = NearestByEdges(full.stars, full.mesh.num_vertices(),
+                                     decimated.fine_from_coarse);
+  for (VertexIndex& v : nearest) {
+    v = std::max<VertexIndex>(
+        v == kNoVertex ? 0 : coarse.working.working_from_user[v], 0);
+  }
+  for (VertexIndex& v : coarse.working.user_from_working) {
+    const VertexIndex in_full = decimated.fine_from_coarse[v];
+    coarse.full_from_coarse.push_back(in_full);
+    v = full.user_from_working[in_full];
+  }
+  coarse.working.working_from_user.clear();
+  for (const VertexIndex v : full.working_from_user) {
+    coarse.working.working_from_user.push_back(v == kNoVertex ? kNoVertex
+                                                              : nearest[v]);
+  }
+  ISOMATCH_ASSIGN_OR_RETURN(
+      coarse.embedding,
+      EmbedInCoarse({full.mesh, full.stars}, coarse.working.mesh.faces,
+                    coarse.working.stars, coarse.full_from_coarse, nearest,
+                    stop));
+  coarse.working.oriented &= full.oriented;
+  return coarse;
+}
+
+void ReflectMesh(WorkingMesh* working) {
+  working->mesh.positions.col(0) *= -1;
+  working->mesh.faces.col(1).swap(working->mesh.faces.col(2));
+  working->normals.col(0) *= -1;
+}
+
+}  // namespace
+
+bool IsDecimated(std::int64_t num_vertices, const MatchOptions& options) {
+  constexpr double kWorthIt = 1.1;
+  return options.solved_vertices > 0 &&
+         double(num_vertices) > kWorthIt * options.solved_vertices;
+}
+
+absl::Status PrepareSurface(const TriangleMesh& mesh,
+                            const MatchOptions& options,
+                            const std::stop_token& stop,
+                            PreparedMesh* prepared) {
+  ISOMATCH_ASSIGN_OR_RETURN(prepared->full, MakeWorkingMesh(mesh, stop));
+  if (!IsDecimated(prepared->full.mesh.num_vertices(), options)) {
+    return absl::OkStatus();
+  }
+  ISOMATCH_ASSIGN_OR_RETURN(
+      prepared->coarse,
+      MakeCoarse(prepared->full, options.solved_vertices, stop));
+  return absl::OkStatus();
+}
+
+void Reflect(PreparedMesh* prepared) {
+  ReflectMesh(&prepared->full);
+  if (!prepared->coarse) return;
+  ReflectMesh(&prepared->coarse->working);
+  Faces& faces = prepared->coarse->embedding.faces;
+  faces.col(1).swap(faces.col(2));
+  for (SurfacePoint& point : prepared->coarse->embedding.points) {
+    std::swap(point.weights[1], point.weights[2]);
+  }
 }
 
 absl::StatusOr<GeodesicHash> HashGeodesics(

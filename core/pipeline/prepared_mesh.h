@@ -1,16 +1,22 @@
 #pragma once
 
+#include <cstdint>
 #include <functional>
-#include <memory>
+#include <optional>
 #include <stop_token>
 #include <string>
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "core/descriptor/nearby_match.h"
 #include "core/geodesic/basis_points.h"
 #include "core/geodesic/distance_field_solver.h"
+#include "core/mesh/embedding.h"
 #include "core/mesh/triangle_mesh.h"
 #include "core/mesh/vertex_stars.h"
+#include "core/pipeline/match_options.h"
+#include "core/spectral/cotan_laplacian.h"
+#include "core/spectral/spectral_basis.h"
 
 namespace isomatch {
 
@@ -33,6 +39,14 @@ struct WorkingMesh {
   std::vector<std::string> warnings;
 };
 
+/// A mesh on fewer of its vertices.
+struct CoarseLevel {
+  /// As any working mesh, from and to the user's vertices.
+  WorkingMesh working;
+  VertexMap full_from_coarse;
+  Embedding embedding;  ///< of the full mesh's vertices
+};
+
 /// Returns `mesh` made ready: cleaned, without components of less than a
 /// twentieth of the largest one's area, normalised.
 /// REQUIRES: ValidateMesh(mesh). Time O(n log n).
@@ -52,6 +66,38 @@ struct GeodesicHash {
 absl::StatusOr<GeodesicHash> HashGeodesics(
     const WorkingMesh& working, int num_points,
     const std::function<void(double)>& progress, const std::stop_token& stop);
+
+/// All that is known of one shape before it meets another.
+struct PreparedMesh {
+  WorkingMesh full;
+  /// Where `full` has many vertices: what is solved on in its place.
+  std::optional<CoarseLevel> coarse;
+
+  // Of solved().
+  GeodesicHash hash;
+  CotanLaplacian laplacian;
+  SpectralBasis spectral;     ///< empty where the options need none
+  Eigen::VectorXd curvature;  ///< smoothed mean curvature, or 0
+  ShapeDescriptors descriptors;
+  double descriptor_radius = 0;  ///< sqrt(area); 0 without descriptors
+
+  const WorkingMesh& solved() const { return coarse ? coarse->working : full; }
+};
+
+/// Whether a mesh of that many vertices is decimated: more than
+/// options.solved_vertices by a tenth, unless that is 0.
+bool IsDecimated(std::int64_t num_vertices, const MatchOptions& options);
+
+/// Fills full and coarse from a user's mesh. REQUIRES: ValidateMesh. CANCELLED
+/// after `stop`. Time O(n log n).
+absl::Status PrepareSurface(const TriangleMesh& mesh,
+                            const MatchOptions& options,
+                            const std::stop_token& stop,
+                            PreparedMesh* prepared);
+
+/// Mirrors a shape in space: intrinsically it stays the same. Its descriptors
+/// do not, and have to be made anew.
+void Reflect(PreparedMesh* prepared);
 
 /// The environments of the basis points, of all vertices (Section 3.1).
 Environments AllEnvironments(const BasisPoints& basis);

@@ -53,6 +53,7 @@ const std::map<std::string, Setter>& Setters() {
       {"candidates", SetMember(&O::candidates)},
       {"candidate_margin", SetMember(&O::candidate_margin)},
       {"descriptor_radius", SetMember(&O::descriptor_radius)},
+      {"solved_vertices", SetMember(&O::solved_vertices)},
       {"wavelet_rounds", SetMember(&O::wavelet_rounds)},
       {"alignment_rounds", SetMember(&O::alignment_rounds)},
       {"alignment_basis", SetMember(&O::alignment_basis)},

@@ -83,11 +83,12 @@ TEST_F(ElasticAlignmentTest, RepairsANoisyMap) {
     ASSERT_THAT(alignment.Run(stiffness, 4, {}), IsOk());
   }
   EXPECT_GT(FractionSame(alignment.y_from_x()), 0.8);
+  const auto points = alignment.PrecisePoints({});
+  ASSERT_THAT(points, IsOk());
   double offset = 0;
   for (VertexIndex v = 0; v < x_.mesh.num_vertices(); ++v) {
     offset +=
-        (PositionOf(y_.mesh, alignment.points()[v]) - y_.mesh.positions.row(v))
-            .norm();
+        (PositionOf(y_.mesh, (*points)[v]) - y_.mesh.positions.row(v)).norm();
   }
   EXPECT_LT(offset / x_.mesh.num_vertices(), 0.3 * MeanEdgeLength(y_.mesh));
 }
@@ -122,9 +123,11 @@ TEST_F(ElasticAlignmentTest, FixedLandmarksStay) {
   const std::vector<VertexMatch> landmarks = {{5, 9}, {100, 100}};
   alignment.Fix(landmarks);
   ASSERT_THAT(alignment.Run(0.01, 5, {}), IsOk());
+  const auto points = alignment.PrecisePoints({});
+  ASSERT_THAT(points, IsOk());
   for (const VertexMatch& landmark : landmarks) {
     EXPECT_EQ(alignment.y_from_x()[landmark.x], landmark.y);
-    EXPECT_LT((PositionOf(y_.mesh, alignment.points()[landmark.x]) -
+    EXPECT_LT((PositionOf(y_.mesh, (*points)[landmark.x]) -
                y_.mesh.positions.row(landmark.y))
                   .norm(),
               1e-9);

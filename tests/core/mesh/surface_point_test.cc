@@ -98,5 +98,30 @@ TEST(VertexStarsTest, AVertexOnNoFaceHasNone) {
   EXPECT_TRUE(VertexStars(mesh).Neighbors(4).empty());
 }
 
+TEST(NearestOnFacesTest, InAnotherSpaceIsTheSameAsInThisOne) {
+  // Positions turned into 5 dimensions: distances stay.
+  const TriangleMesh mesh = FiveArms(2);
+  Eigen::Matrix<float, 5, 3> turn = Eigen::Matrix<float, 5, 3>::Zero();
+  turn.col(0) << 0.6f, 0.8f, 0, 0, 0;
+  turn.col(1) << 0, 0, 0, 1, 0;
+  turn.col(2) << 0.8f, -0.6f, 0, 0, 0;
+  const PointColumns columns = turn * mesh.positions.transpose().cast<float>();
+  const VertexStars stars(mesh);
+  for (VertexIndex v = 0; v < mesh.num_vertices(); ++v) {
+    const Eigen::RowVector3d wanted =
+        1.02 * mesh.positions.row(v) +
+        0.3 * (mesh.positions.row(stars.Neighbors(v).front()) -
+               mesh.positions.row(v));
+    const SurfacePoint in_space = NearestOnFaces(mesh, stars.Faces(v), wanted);
+    const SurfacePoint turned =
+        NearestOnFaces(mesh.faces, stars.Faces(v), columns,
+                       turn * wanted.transpose().cast<float>());
+    EXPECT_LT((PositionOf(mesh, in_space) - PositionOf(mesh, turned)).norm(),
+              1e-3);
+    EXPECT_GE(turned.weights.minCoeff(), 0);
+    EXPECT_NEAR(turned.weights.sum(), 1, 1e-9);
+  }
+}
+
 }  // namespace
 }  // namespace isomatch

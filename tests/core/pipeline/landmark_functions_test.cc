@@ -170,20 +170,26 @@ TEST(SeedsWithLandmarksTest, EverySeedContainsTheLandmarksWhenTheyAreExact) {
 
 class TakeLandmarksTest : public LandmarkFunctionsTest {
  protected:
+  static PreparedMesh Prepared(const TriangleMesh& mesh) {
+    PreparedMesh prepared;
+    EXPECT_THAT(PrepareSurface(mesh, MatchOptions(), {}, &prepared), IsOk());
+    return prepared;
+  }
+
   std::vector<std::string> warnings_;
 };
 
 TEST_F(TakeLandmarksTest, NamesWorkingVertices) {
   const DirtyMesh lone = WithLoneVertices(Untouched(FiveArms(2)), 4);
-  const WorkingMesh x = Working(lone.mesh);
-  const WorkingMesh y = Working(FiveArms(2));
+  const PreparedMesh x = Prepared(lone.mesh);
+  const PreparedMesh y = Prepared(FiveArms(2));
   const Landmarks landmarks = {{2, 17}, {30, 0}};
   const auto taken = TakeLandmarks(landmarks, x, y, &warnings_);
   ASSERT_THAT(taken, IsOk());
   ASSERT_EQ(taken->size(), 2u);
   for (const int i : {0, 1}) {
-    EXPECT_EQ(x.user_from_working[(*taken)[i].match.x], landmarks[i].x);
-    EXPECT_EQ(y.user_from_working[(*taken)[i].match.y], landmarks[i].y);
+    EXPECT_EQ(x.full.user_from_working[(*taken)[i].match.x], landmarks[i].x);
+    EXPECT_EQ(y.full.user_from_working[(*taken)[i].match.y], landmarks[i].y);
   }
   EXPECT_EQ((*taken)[1].index, 1u);
   EXPECT_THAT(warnings_, IsEmpty());
@@ -197,8 +203,8 @@ TEST_F(TakeLandmarksTest, NamesWorkingVertices) {
 
 TEST_F(TakeLandmarksTest, OnesThatCoincideAfterCleaningAreTakenOnce) {
   const DirtyMesh soup = TriangleSoup(Untouched(FiveArms(2)));
-  const WorkingMesh x = Working(soup.mesh);
-  const WorkingMesh y = Working(FiveArms(2));
+  const PreparedMesh x = Prepared(soup.mesh);
+  const PreparedMesh y = Prepared(FiveArms(2));
   // Two corners of the soup that are the same vertex.
   const VertexIndex second = [&] {
     VertexIndex v = 1;
@@ -214,8 +220,32 @@ TEST_F(TakeLandmarksTest, OnesThatCoincideAfterCleaningAreTakenOnce) {
   EXPECT_THAT(warnings_, ElementsAre(HasSubstr("landmarks[1] left out")));
 }
 
+TEST_F(TakeLandmarksTest, OnesThatShareASolvedVertexShareAFate) {
+  MatchOptions options;
+  options.solved_vertices = 500;
+  PreparedMesh mesh;
+  ASSERT_THAT(PrepareSurface(FiveArms(4), options, {}, &mesh), IsOk());
+  Landmarks landmarks;
+  const VertexIndex n = mesh.full.mesh.num_vertices();
+  for (VertexIndex v = 0; v < n; v += 3) landmarks.push_back({v, v});
+  const auto taken = TakeLandmarks(landmarks, mesh, mesh, &warnings_);
+  ASSERT_THAT(taken, IsOk());
+  EXPECT_THAT(warnings_, IsEmpty());
+  std::size_t all = 0;
+  for (const WorkingLandmark& landmark : *taken) {
+    EXPECT_EQ(landmark.match.x, landmark.match.y);
+    all += 1 + landmark.followers.size();
+    for (const std::size_t follower : landmark.followers) {
+      EXPECT_EQ(mesh.solved().working_from_user[landmarks[follower].x],
+                landmark.match.x);
+    }
+  }
+  EXPECT_LT(taken->size(), landmarks.size());
+  EXPECT_EQ(all, landmarks.size());
+}
+
 TEST_F(TakeLandmarksTest, MoreThanAThousandAreThinnedOutEvenly) {
-  const WorkingMesh mesh = Working(FiveArms(4));
+  const PreparedMesh mesh = Prepared(FiveArms(4));
   Landmarks landmarks;
   for (VertexIndex v = 0; v < 2500; ++v) landmarks.push_back({v, v});
   const auto taken = TakeLandmarks(landmarks, mesh, mesh, &warnings_);

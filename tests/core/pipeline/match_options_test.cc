@@ -62,6 +62,7 @@ TEST(MatchOptionsTest, EveryWrongValueIsNamed) {
           {"curvature_radius", [](MatchOptions& o) { o.curvature_radius = 0; }},
           {"first_stage_matches",
            [](MatchOptions& o) { o.first_stage_matches = 3; }},
+          {"solved_vertices", [](MatchOptions& o) { o.solved_vertices = 499; }},
           {"swap_interval", [](MatchOptions& o) { o.swap_interval = 0; }},
           {"swap_proposals", [](MatchOptions& o) { o.swap_proposals = -1; }},
           {"temperature", [](MatchOptions& o) { o.temperature = -0.1; }},

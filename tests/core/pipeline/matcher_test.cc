@@ -362,13 +362,15 @@ TEST(MatcherTest, StageMapsAreKeptOnRequest) {
   for (const StageMap& map : found->stage_maps) stages.push_back(map.stage);
   EXPECT_EQ(stages,
             (std::vector<Stage>{Stage::kFirstInsertion, Stage::kSecondInsertion,
-                                Stage::kFinalSwapping, Stage::kZoomOut}));
+                                Stage::kFinalSwapping, Stage::kZoomOut,
+                                Stage::kQuality}));
   const auto matched = [](const VertexMap& map) {
     return map.size() - std::count(map.begin(), map.end(), kNoVertex);
   };
   EXPECT_EQ(matched(found->stage_maps[0].y_from_x), 80u);
   EXPECT_EQ(matched(found->stage_maps[1].y_from_x), std::size_t(0.7 * 642));
   EXPECT_EQ(found->stage_maps[3].y_from_x, found->y_from_x);
+  EXPECT_EQ(found->stage_maps[4].y_from_x, found->y_from_x);
 }
 
 TEST(MatcherTest, StopsPromptlyInEveryStage) {

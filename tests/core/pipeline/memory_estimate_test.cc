@@ -61,14 +61,31 @@ INSTANTIATE_TEST_SUITE_P(Sizes, MemoryEstimateTest,
                                          std::pair{Profile::kPaper, 3},
                                          std::pair{Profile::kPaper, 5}));
 
-TEST(MemoryEstimateGrowthTest, GrowsLikeNTimesRootNAtMost) {
-  const MatchOptions options;
-  const auto estimate = [&](std::int64_t n) {
-    return double(EstimateMemoryBytes({n, 2 * n}, {n, 2 * n}, 0, options));
-  };
+/// Of a pair of closed meshes of n vertices each.
+double EstimateOf(std::int64_t n, const MatchOptions& options) {
+  return double(EstimateMemoryBytes({n, 2 * n}, {n, 2 * n}, 0, options));
+}
+
+TEST(MemoryEstimateGrowthTest, PaperGrowsLikeNTimesRootNAtMost) {
+  const MatchOptions options = MatchOptions::ForProfile(Profile::kPaper);
   // A factor of 100 in n: at most 1000 in memory, at least 50.
-  EXPECT_LT(estimate(10'000'000) / estimate(100'000), 1000);
-  EXPECT_GT(estimate(10'000'000) / estimate(100'000), 50);
+  const double growth =
+      EstimateOf(10'000'000, options) / EstimateOf(100'000, options);
+  EXPECT_LT(growth, 1000);
+  EXPECT_GT(growth, 50);
+}
+
+TEST(MemoryEstimateGrowthTest, DecimatedMeshesGrowLikeN) {
+  const MatchOptions options;
+  const double growth =
+      EstimateOf(100'000'000, options) / EstimateOf(1'000'000, options);
+  EXPECT_LT(growth, 100);
+  EXPECT_GT(growth, 80);
+  MatchOptions larger;
+  larger.solved_vertices = 16000;
+  EXPECT_GT(EstimateOf(100'000, larger), EstimateOf(100'000, options));
+  // Where decimation sets in it must not cost more than it saves.
+  EXPECT_LT(EstimateOf(4401, options), 1.1 * EstimateOf(4400, options));
 }
 
 TEST(MemoryEstimateGrowthTest, HostileSizesDoNotWrapAround) {

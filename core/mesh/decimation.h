@@ -1,0 +1,24 @@
+#pragma once
+
+#include "core/mesh/triangle_mesh.h"
+
+namespace isomatch {
+
+/// A mesh on some of the vertices of a finer one.
+struct CoarseMesh {
+  TriangleMesh mesh;
+  /// The finer mesh's vertex of each; increasing.
+  VertexMap fine_from_coarse;
+};
+
+/// Returns `mesh` with edges collapsed where that changes the surface least
+/// (Garland, Heckbert: Surface Simplification Using Quadric Error Metrics,
+/// 1997; by meshoptimizer) until about `target` vertices are left: a few more
+/// when topology, many small components or coinciding vertices forbid it.
+/// Vertices stay where they are. The result may need cleaning.
+///
+/// REQUIRES: `mesh` is clean, of at most 10^9 vertices. Time O(n log n), memory
+/// about 250 bytes a vertex.
+CoarseMesh Decimate(const TriangleMesh& mesh, VertexIndex target);
+
+}  // namespace isomatch

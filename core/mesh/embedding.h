@@ -1,0 +1,47 @@
+#pragma once
+
+#include <stop_token>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "core/mesh/surface_point.h"
+#include "core/mesh/triangle_mesh.h"
+#include "core/mesh/vertex_stars.h"
+
+namespace isomatch {
+
+/// A mesh and its stars. References must outlive it.
+struct StarredMesh {
+  const TriangleMesh& mesh;
+  const VertexStars& stars;
+};
+
+/// The vertices of a mesh as places on a coarser one.
+struct Embedding {
+  /// Faces of the coarse mesh between fine vertices.
+  Faces faces;
+  /// For each fine vertex a point of `faces`.
+  std::vector<SurfacePoint> points;
+};
+
+/// Each vertex as a corner of one of its own faces.
+/// REQUIRES: every vertex is on one.
+Embedding EmbedInItself(const StarredMesh& surface);
+
+/// Finds for each vertex of `fine` the nearest point of a coarse mesh around
+/// it. `coarse_faces` and `coarse_stars` are of the coarse mesh, whose vertices
+/// are those of `fine` that `fine_from_coarse` names; `starts` are coarse
+/// vertices near the fine ones. CANCELLED after `stop`. Time O(n).
+absl::StatusOr<Embedding> EmbedInCoarse(const StarredMesh& fine,
+                                        const Faces& coarse_faces,
+                                        const VertexStars& coarse_stars,
+                                        const VertexMap& fine_from_coarse,
+                                        const VertexMap& starts,
+                                        const std::stop_token& stop);
+
+/// For each fine vertex the coarse one that the fewest edges lead to;
+/// kNoVertex where none does. Time O(n).
+VertexMap NearestByEdges(const VertexStars& fine_stars, VertexIndex num_fine,
+                         const VertexMap& fine_from_coarse);
+
+}  // namespace isomatch

@@ -1,0 +1,178 @@
+#include "core/pipeline/lifting.h"
+
+#include <algorithm>
+#include <functional>
+
+#include "core/base/parallel.h"
+#include "core/base/status_macros.h"
+#include "core/mesh/connected_ball.h"
+#include "core/mesh/mesh_geometry.h"
+#include "core/mesh/surface_samples.h"
+
+namespace isomatch {
+namespace {
+
+constexpr VertexIndex kVerticesPerTask = 256;
+/// Of unit normals beside positions in sqrt(area). Enough to tell the sides of
+/// a thin wall apart; more would let the noise of normals choose the vertex.
+constexpr float kNormalWeight = 0.01f;
+/// How far around a landmark vertices move with it, in mean edges of the solved
+/// mesh: that far the map cannot have known of it.
+constexpr double kLandmarkReach = 3;
+
+absl::Status ForEachVertex(VertexIndex count, const std::stop_token& stop,
+                           const std::function<void(VertexIndex)>& body) {
+  return ParallelForBlocks(count, kVerticesPerTask, stop, [&](std::int64_t v) {
+    body(static_cast<VertexIndex>(v));
+  });
+}
+
+/// Positions, and normals where they mean something, one vertex a column.
+PointColumns Describe(const TriangleMesh& mesh, bool oriented) {
+  PointColumns columns = PointColumns::Zero(6, mesh.num_vertices());
+  columns.topRows(3) = mesh.positions.transpose().cast<float>();
+  if (oriented) {
+    columns.bottomRows(3) =
+        kNormalWeight * VertexNormals(mesh).transpose().cast<float>();
+  }
+  return columns;
+}
+
+Eigen::RowVector3d Interpolate(const Positions& values, const Faces& faces,
+                               const SurfacePoint& point) {
+  Eigen::RowVector3d sum = Eigen::RowVector3d::Zero();
+  for (int corner = 0; corner < 3; ++corner) {
+    sum += point.weights[corner] * values.row(faces(point.face, corner));
+  }
+  return sum;
+}
+
+/// Corner of largest weight.
+VertexIndex Nearest(const Faces& faces, const SurfacePoint& point) {
+  Eigen::Index corner = 0;
+  point.weights.maxCoeff(&corner);
+  return faces(point.face, corner);
+}
+
+/// The full vertices of a solved mesh.
+VertexIndex ToFull(const PreparedMesh& shape, VertexIndex solved) {
+  return shape.coarse ? shape.coarse->full_from_coarse[solved] : solved;
+}
+
+/// Where the solved vertices of X go, by full vertex of X, and the full vertex
+/// of Y next to that.
+struct Images {
+  Positions places;
+  VertexMap vertices;
+};
+
+Images ImagesOf(const PreparedMesh& x, const PreparedMesh& y,
+                const std::vector<SurfacePoint>& points) {
+  const VertexIndex n = x.full.mesh.num_vertices();
+  Images images = {Positions::Zero(n, 3), VertexMap(n, kNoVertex)};
+  const Faces& faces = y.solved().mesh.faces;
+  for (std::size_t c = 0; c < points.size(); ++c) {
+    const VertexIndex v = ToFull(x, static_cast<VertexIndex>(c));
+    for (int corner = 0; corner < 3; ++corner) {
+      images.places.row(v) +=
+          points[c].weights[corner] *
+          y.full.mesh.positions.row(ToFull(y, faces(points[c].face, corner)));
+    }
+    images.vertices[v] = ToFull(y, Nearest(faces, points[c]));
+  }
+  return images;
+}
+
+/// Moves what lies around the landmarks with them.
+void FollowLandmarks(const PreparedMesh& x, const PreparedMesh& y,
+                     absl::Span<const VertexMatch> landmarks,
+                     Positions* places) {
+  if (landmarks.empty()) return;
+  const double reach = kLandmarkReach * MeanEdgeLength(x.solved().mesh);
+  ConnectedBall ball(x.full.mesh, x.full.stars);
+  Positions moves = Positions::Zero(places->rows(), 3);
+  Eigen::VectorXd weights = Eigen::VectorXd::Zero(places->rows());
+  for (const VertexMatch& landmark : landmarks) {
+    const Eigen::RowVector3d move =
+        y.full.mesh.positions.row(landmark.y) - places->row(landmark.x);
+    for (const auto& [vertex, distance] : ball.Around(landmark.x, reach)) {
+      const double nearness = 1 - distance / reach;
+      const double weight = nearness * nearness;
+      moves.row(vertex) += weight * move;
+      weights[vertex] += weight;
+    }
+  }
+  // Between landmarks their mean, further out ever less.
+  for (Eigen::Index v = 0; v < places->rows(); ++v) {
+    places->row(v) += moves.row(v) / std::max(weights[v], 1.0);
+  }
+}
+
+/// X's full mesh laid on that of Y.
+absl::StatusOr<TriangleMesh> LayOut(const PreparedMesh& x,
+                                    const Embedding& embedding,
+                                    const Positions& places,
+                                    const std::stop_token& stop) {
+  const Faces& faces = embedding.faces;
+  const Positions& rest = x.full.mesh.positions;
+  const Positions normals = VertexNormals({rest, faces});
+  const Positions laid_normals = VertexNormals({places, faces});
+  TriangleMesh laid_out = {Positions(rest.rows(), 3), x.full.mesh.faces};
+  ISOMATCH_RETURN_IF_ERROR(
+      ForEachVertex(x.full.mesh.num_vertices(), stop, [&](VertexIndex v) {
+        const SurfacePoint& point = embedding.points[v];
+        const Eigen::RowVector3d beside =
+            rest.row(v) - Interpolate(rest, faces, point);
+        const double height = beside.dot(Interpolate(normals, faces, point));
+        laid_out.positions.row(v) =
+            Interpolate(places, faces, point) +
+            height * Interpolate(laid_normals, faces, point);
+      }));
+  return laid_out;
+}
+
+}  // namespace
+
+std::vector<SurfacePoint> PointsAtVertices(const WorkingMesh& mesh,
+                                           const VertexMap& vertices) {
+  const Embedding itself = EmbedInItself({mesh.mesh, mesh.stars});
+  std::vector<SurfacePoint> points;
+  for (const VertexIndex v : vertices) points.push_back(itself.points[v]);
+  return points;
+}
+
+absl::StatusOr<LiftedMap> LiftMap(const PreparedMesh& x, const PreparedMesh& y,
+                                  const std::vector<SurfacePoint>& points,
+                                  absl::Span<const VertexMatch> landmarks,
+                                  const std::stop_token& stop) {
+  const VertexIndex n = x.full.mesh.num_vertices();
+  const StarredMesh full_x = {x.full.mesh, x.full.stars};
+  const Embedding itself = x.coarse ? Embedding() : EmbedInItself(full_x);
+  const Embedding& embedding = x.coarse ? x.coarse->embedding : itself;
+  const Images images = ImagesOf(x, y, points);
+  ISOMATCH_ASSIGN_OR_RETURN(TriangleMesh laid_out,
+                            LayOut(x, embedding, images.places, stop));
+  FollowLandmarks(x, y, landmarks, &laid_out.positions);
+  const bool oriented = x.full.oriented && y.full.oriented;
+  const PointColumns columns_x = Describe(laid_out, oriented);
+  const PointColumns columns_y = Describe(y.full.mesh, oriented);
+  const Eigen::VectorXd no_areas;
+  const PointsOnSurface from = {x.full.stars, no_areas, columns_x};
+  const PointsOnSurface to = {y.full.stars, no_areas, columns_y};
+  LiftedMap lifted = {VertexMap(n), std::vector<SurfacePoint>(n)};
+  ISOMATCH_RETURN_IF_ERROR(ForEachVertex(n, stop, [&](VertexIndex v) {
+    const VertexIndex corner = Nearest(embedding.faces, embedding.points[v]);
+    lifted.y_from_x[v] =
+        DescendOverEdges(from, to, v, images.vertices[corner], {});
+  }));
+  const VertexMap before = lifted.y_from_x;
+  ISOMATCH_RETURN_IF_ERROR(ForEachVertex(n, stop, [&](VertexIndex v) {
+    lifted.y_from_x[v] = DescendOverEdges(from, to, v, before[v], before);
+    lifted.points[v] =
+        NearestOnFaces(y.full.mesh, y.full.stars.Faces(lifted.y_from_x[v]),
+                       laid_out.positions.row(v));
+  }));
+  return lifted;
+}
+
+}  // namespace isomatch

@@ -1,0 +1,479 @@
+#include "core/pipeline/match_run.h"
+
+#include <algorithm>
+#include <array>
+#include <memory>
+#include <optional>
+#include <unordered_map>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "core/alignment/elastic_alignment.h"
+#include "core/base/parallel.h"
+#include "core/base/random_stream.h"
+#include "core/base/status_macros.h"
+#include "core/matching/dense_map.h"
+#include "core/matching/final_swapping.h"
+#include "core/matching/first_stage.h"
+#include "core/matching/objective.h"
+#include "core/matching/second_stage.h"
+#include "core/pipeline/candidates.h"
+#include "core/pipeline/conclusion.h"
+#include "core/pipeline/landmarks.h"
+#include "core/pipeline/lifting.h"
+#include "core/pipeline/prepared_mesh.h"
+#include "core/pipeline/progress_reporter.h"
+#include "core/spectral/functional_map.h"
+#include "core/spectral/zoomout.h"
+
+namespace isomatch {
+namespace {
+
+/// Index of the second stage's random stream, apart from the seeds'.
+constexpr std::uint64_t kSecondStageStream = std::uint64_t{1} << 40;
+
+/// Below this, rank values are rounding.
+constexpr double kRounding = 1e-8;
+/// A landmark is kept when the map sends it no further than this from where it
+/// should go, in sqrt(area).
+constexpr float kLandmarkTolerance = 0.1f;
+
+/// One run of the method: the stages in order, each reading what those before
+/// it left in the members.
+class Matcher {
+ public:
+  Matcher(const PreparedMesh& x, const PreparedMesh& y,
+          absl::Span<const Landmark> landmarks, const MatchOptions& options,
+          ProgressReporter* progress, const std::stop_token& stop)
+      : user_landmarks_(landmarks),
+        options_(options),
+        progress_(*progress),
+        stop_(stop),
+        shapes_{&x, &y} {}
+
+  absl::StatusOr<Correspondence> Run() {
+    ISOMATCH_ASSIGN_OR_RETURN(
+        landmarks_, TakeLandmarks(user_landmarks_, shape(kX), shape(kY),
+                                  &result_.warnings));
+    ISOMATCH_RETURN_IF_ERROR(Pools());
+    ISOMATCH_RETURN_IF_ERROR(FirstInsertion());
+    ISOMATCH_RETURN_IF_ERROR(SecondInsertion());
+    ISOMATCH_RETURN_IF_ERROR(Dense());
+    ISOMATCH_RETURN_IF_ERROR(Refine());
+    ISOMATCH_RETURN_IF_ERROR(Choose());
+    ISOMATCH_RETURN_IF_ERROR(Align());
+    ISOMATCH_RETURN_IF_ERROR(Conclude());
+    return std::move(result_);
+  }
+
+ private:
+  /// Calls f(side) for both sides, at the same time where threads allow.
+  template <typename Function>
+  absl::Status Both(const Function& f) {
+    return RunBoth([&] { return f(kX); }, [&] { return f(kY); });
+  }
+
+  absl::Status Pools() {
+    progress_.Begin(Stage::kSeeds);
+    return Both([&](Side side) -> absl::Status {
+      closeness_[side].emplace(shape(side).hash.basis, options_.kernel_width);
+      std::vector<VertexIndex> extra;
+      for (const WorkingLandmark& landmark : landmarks_) {
+        extra.push_back(side == kX ? landmark.match.x : landmark.match.y);
+      }
+      ISOMATCH_ASSIGN_OR_RETURN(
+          pools_[side],
+          PointPool::Create(
+              *closeness_[side],
+              PoolVertices(shape(side).hash, options_.pool_size, extra),
+              stop_));
+      if (options_.candidates_from_environments) {
+        search_[side] = CandidateSearch(shape(side).hash.basis, pools_[side]);
+      }
+      frames_[side] =
+          GatherFrames(solved(side).mesh.positions, solved(side).normals,
+                       shape(side).curvature, pools_[side]);
+      return absl::OkStatus();
+    });
+  }
+
+  /// The landmarks that the first stage relies on, as points of the pools.
+  Seed TrustedLandmarks() const {
+    std::vector<VertexMatch> trusted;
+    if (options_.landmarks_exact) {
+      for (const WorkingLandmark& landmark : landmarks_) {
+        trusted.push_back(landmark.match);
+      }
+    } else {
+      trusted = AgreeingLandmarks(landmarks_, shape(kX).hash.basis,
+                                  shape(kY).hash.basis);
+    }
+    std::array<std::unordered_map<VertexIndex, int>, 2> points;
+    for (const Side side : {kX, kY}) {
+      for (int p = 0; p < pools_[side].size(); ++p) {
+        points[side][pools_[side].vertex(p)] = p;
+      }
+    }
+    Seed seed;
+    for (const VertexMatch& match : trusted) {
+      seed.push_back({points[kX].at(match.x), points[kY].at(match.y)});
+    }
+    return seed;
+  }
+
+  bool oriented() const { return solved(kX).oriented && solved(kY).oriented; }
+
+  absl::Status FirstInsertion() {
+    const Seed trusted = TrustedLandmarks();
+    const std::vector<Seed> seeds = SeedsWithLandmarks(
+        trusted,
+        GenerateSeeds(
+            pools_[kX], pools_[kY],
+            {options_.seed_points, options_.seed_matches, options_.max_seeds}),
+        options_.landmarks_exact);
+    progress_.Begin(Stage::kFirstInsertion);
+    FirstStageOptions first = FirstStageOptionsOf(options_, trusted.size());
+    if (!oriented()) first.orientation_from = 0;
+    first.regrow_mirrored = options_.regrow_mirrored && oriented();
+    first.landmarks = trusted;
+    if (options_.landmarks_exact) {
+      first.pinned = static_cast<int>(trusted.size());
+    }
+    ISOMATCH_ASSIGN_OR_RETURN(
+        const std::vector<RankedMap> maps,
+        RunFirstStage({pools_[kX], pools_[kY], search_[kX], search_[kY],
+                       frames_[kX], frames_[kY]},
+                      seeds, first, progress_.Part(0, 1), stop_));
+    for (const RankedMap& map : maps) {
+      // What ranks far behind, or lies on the wrong side although the best does
+      // not, has lost already.
+      if (map.badness > options_.candidate_margin * maps.front().badness &&
+          map.badness > kRounding) {
+        continue;
+      }
+      if (map.wrong_side && !maps.front().wrong_side) continue;
+      candidates_.push_back(MakeCandidate(map));
+    }
+    Keep(Stage::kFirstInsertion);
+    // The tables are used up; what follows needs the memory.
+    for (const Side side : {kX, kY}) pools_[side] = PointPool();
+    return absl::OkStatus();
+  }
+
+  Candidate MakeCandidate(const RankedMap& map) const {
+    Candidate candidate;
+    for (const PointMatch& match : map.matching.Matches()) {
+      candidate.sparse.push_back(
+          {pools_[kX].vertex(match.x), pools_[kY].vertex(match.y)});
+    }
+    candidate.y_from_x.assign(solved(kX).mesh.num_vertices(), kNoVertex);
+    for (const VertexMatch& match : candidate.sparse) {
+      candidate.y_from_x[match.x] = match.y;
+    }
+    MapScores& scores = candidate.scores;
+    scores.embedding_error = EmbeddingError(map.matching);
+    scores.curvature_mismatch =
+        CurvatureMismatch(map.matching, frames_[kX], frames_[kY]);
+    if (oriented()) {
+      scores.orientation_score =
+          OrientationScore(map.matching, frames_[kX], frames_[kY]);
+    }
+    scores.landmark_contradiction = map.contradiction;
+    scores.rank_value = map.badness;
+    candidate.objective = Objective(map.matching);
+    return candidate;
+  }
+
+  absl::Status SecondInsertion() {
+    if (options_.second_stage_fraction == 0) return absl::OkStatus();
+    progress_.Begin(Stage::kSecondInsertion);
+    const std::array<Environments, 2> environments = {
+        AllEnvironments(shape(kX).hash.basis),
+        AllEnvironments(shape(kY).hash.basis)};
+    const HashedShape shape_x = {*closeness_[kX], environments[kX]};
+    const HashedShape shape_y = {*closeness_[kY], environments[kY]};
+    PartialVertexMap map(solved(kX).mesh.num_vertices(),
+                         solved(kY).mesh.num_vertices());
+    for (const VertexMatch& match : best().sparse) map.Set(match.x, match.y);
+    SecondStageOptions second;
+    second.fraction = options_.second_stage_fraction;
+    RandomStream random(options_.random_seed, kSecondStageStream);
+    ISOMATCH_RETURN_IF_ERROR(RunSecondStage(shape_x, shape_y, second, &random,
+                                            progress_.Part(0, 1), stop_, &map));
+    best().y_from_x = map.y_from_x;
+    Keep(Stage::kSecondInsertion);
+    progress_.Begin(Stage::kFinalSwapping);
+    if (options_.swapping != Swapping::kNone) {
+      ISOMATCH_RETURN_IF_ERROR(SwapWorst(shape_x, shape_y,
+                                         options_.final_swap_fraction,
+                                         progress_.Part(0, 1), stop_, &map));
+    }
+    best().y_from_x = map.y_from_x;
+    Keep(Stage::kFinalSwapping);
+    return absl::OkStatus();
+  }
+
+  DenseMapSurface DenseSurface(Side side) const {
+    return {*closeness_[side], solved(side).stars, shape(side).laplacian.mass};
+  }
+
+  absl::Status Dense() {
+    if (!options_.dense_from_closeness) return absl::OkStatus();
+    progress_.Begin(Stage::kDense);
+    for (Candidate& candidate : candidates_) {
+      ISOMATCH_ASSIGN_OR_RETURN(
+          candidate.y_from_x,
+          DenseMapFromMatches(DenseSurface(kX), DenseSurface(kY),
+                              candidate.sparse, stop_));
+    }
+    Keep(Stage::kDense);
+    return absl::OkStatus();
+  }
+
+  absl::Status Refine() {
+    if (options_.zoomout_end == 0) return absl::OkStatus();
+    progress_.Begin(Stage::kZoomOut);
+    ISOMATCH_ASSIGN_OR_RETURN(
+        best().y_from_x, ZoomOut(shape(kX).spectral, shape(kY).spectral,
+                                 std::move(best().y_from_x),
+                                 {options_.zoomout_start, options_.zoomout_end,
+                                  options_.zoomout_step},
+                                 progress_.Part(0, 1), stop_));
+    Keep(Stage::kZoomOut);
+    return absl::OkStatus();
+  }
+
+  absl::Status Choose() {
+    if (options_.alignment_rounds == 0) return absl::OkStatus();
+    progress_.Begin(Stage::kChoice);
+    // A mirrored map, as landmarks may want it, is an elastic motion of the
+    // mirror image only.
+    if (oriented() && best().scores.orientation_score < 0) {
+      reflected_.emplace(shape(kX));
+      Reflect(&*reflected_);
+      ISOMATCH_RETURN_IF_ERROR(Describe(options_, stop_, &*reflected_));
+      shapes_[kX] = &*reflected_;
+    }
+    choice_.emplace(shape(kX), shape(kY), options_, stop_);
+    ISOMATCH_ASSIGN_OR_RETURN(
+        alignment_, choice_->Choose(progress_.Part(0, 1), &candidates_));
+    Keep(Stage::kChoice);
+    return absl::OkStatus();
+  }
+
+  /// Decides which landmarks the map respects, and sets those.
+  void SettleLandmarks() {
+    result_.landmarks.assign(user_landmarks_.size(), {});
+    std::vector<char> used(user_landmarks_.size(), false);
+    for (const auto& [match, index, followers] : landmarks_) {
+      LandmarkOutcome& outcome = result_.landmarks[index];
+      const VertexIndex found = best().y_from_x[match.x];
+      const float distance =
+          found == kNoVertex
+              ? 0
+              : std::min(shape(kY).hash.basis.LowerBound(found, match.y),
+                         kUnreachable);
+      outcome.kept = options_.landmarks_exact || distance <= kLandmarkTolerance;
+      outcome.distance = outcome.kept ? 0 : distance;
+      if (outcome.kept) best().y_from_x[match.x] = match.y;
+      used[index] = true;
+      for (const std::size_t follower : followers) {
+        result_.landmarks[follower] = outcome;
+        used[follower] = true;
+      }
+    }
+    for (std::size_t i = 0; i < used.size(); ++i) {
+      if (!used[i]) result_.landmarks[i].kept = false;
+    }
+  }
+
+  absl::Status Align() {
+    SettleLandmarks();
+    if (options_.alignment_rounds == 0) return absl::OkStatus();
+    progress_.Begin(Stage::kAlignment);
+    std::vector<VertexMatch> kept;
+    for (const WorkingLandmark& landmark : landmarks_) {
+      if (result_.landmarks[landmark.index].kept) {
+        kept.push_back(landmark.match);
+      }
+    }
+    const bool moved =
+        std::any_of(kept.begin(), kept.end(), [&](const VertexMatch& landmark) {
+          return alignment_->y_from_x()[landmark.x] != landmark.y;
+        });
+    alignment_->Fix(kept);
+    ISOMATCH_RETURN_IF_ERROR(
+        choice_->Finish(moved, progress_.Part(0, 1), alignment_.get()));
+    best().y_from_x = alignment_->y_from_x();
+    ISOMATCH_ASSIGN_OR_RETURN(offsets_,
+                              choice_->DescriptorOffsets(best().y_from_x));
+    Keep(Stage::kAlignment);
+    return absl::OkStatus();
+  }
+
+  absl::Status Conclude() {
+    progress_.Begin(Stage::kQuality);
+    std::vector<SurfacePoint> points;
+    if (alignment_ != nullptr) {
+      ISOMATCH_ASSIGN_OR_RETURN(points, alignment_->PrecisePoints(stop_));
+    }
+    ISOMATCH_RETURN_IF_ERROR(ReportMap(points));
+    ReportLandmarks();
+    ISOMATCH_RETURN_IF_ERROR(ReportScores());
+    ISOMATCH_RETURN_IF_ERROR(ReportQuality(
+        shape(kX), shape(kY),
+        {best().y_from_x, points, best().filtered, offsets_, alignment_.get()},
+        stop_, &result_));
+    result_.area_x = shape(kX).full.area;
+    result_.area_y = shape(kY).full.area;
+    result_.warnings_x = shape(kX).full.warnings;
+    result_.warnings_y = shape(kY).full.warnings;
+    if (result_.scores.orientation_score < 0) {
+      result_.warnings.push_back(
+          absl::StrCat("the map is probably mirrored: orientation score ",
+                       result_.scores.orientation_score));
+    }
+    if (options_.keep_stage_maps) {
+      result_.stage_maps.push_back({Stage::kQuality, result_.y_from_x});
+    }
+    progress_.Finish();
+    return absl::OkStatus();
+  }
+
+  bool decimated() const { return shape(kX).coarse || shape(kY).coarse; }
+
+  /// The landmarks that are kept, between vertices of the full meshes.
+  std::vector<VertexMatch> KeptLandmarks() const {
+    std::vector<VertexMatch> kept;
+    for (std::size_t i = 0; i < user_landmarks_.size(); ++i) {
+      if (!result_.landmarks[i].kept) continue;
+      kept.push_back({shape(kX).full.working_from_user[user_landmarks_[i].x],
+                      shape(kY).full.working_from_user[user_landmarks_[i].y]});
+    }
+    return kept;
+  }
+
+  /// The map for all vertices. `points`: empty without an alignment.
+  absl::Status ReportMap(const std::vector<SurfacePoint>& points) {
+    if (!decimated()) {
+      result_.y_from_x = UserMap(best().y_from_x);
+      result_.precise =
+          ToUserPoints(solved(kX), solved(kY), points, result_.y_from_x);
+      return absl::OkStatus();
+    }
+    ISOMATCH_ASSIGN_OR_RETURN(
+        const LiftedMap lifted,
+        LiftMap(shape(kX), shape(kY),
+                points.empty() ? PointsAtVertices(solved(kY), best().y_from_x)
+                               : points,
+                KeptLandmarks(), stop_));
+    const WorkingMesh& x = shape(kX).full;
+    const WorkingMesh& y = shape(kY).full;
+    result_.y_from_x = ToUserMap(x, y, lifted.y_from_x);
+    result_.precise = ToUserPoints(x, y, lifted.points, result_.y_from_x);
+    return absl::OkStatus();
+  }
+
+  /// Where landmarks went in the end. Vertices that coincide after cleaning
+  /// have one image; a kept landmark names its own.
+  void ReportLandmarks() {
+    int changed = 0;
+    for (std::size_t i = 0; i < user_landmarks_.size(); ++i) {
+      LandmarkOutcome& outcome = result_.landmarks[i];
+      if (outcome.kept) {
+        const auto& [x, y] = user_landmarks_[i];
+        result_.y_from_x[x] = y;
+        result_.precise[x] = {{y, y, y}, {1, 0, 0}};
+      }
+      outcome.y_found = result_.y_from_x[user_landmarks_[i].x];
+      changed += !outcome.kept;
+    }
+    if (changed > 0) {
+      result_.warnings.push_back(
+          absl::StrCat(changed, " of ", user_landmarks_.size(),
+                       " landmarks contradict the rest and were not kept"));
+    }
+  }
+
+  absl::Status ReportScores() {
+    for (const VertexMatch& match : best().sparse) {
+      result_.sparse_matches.push_back({solved(kX).user_from_working[match.x],
+                                        solved(kY).user_from_working[match.y]});
+    }
+    result_.objective = best().objective;
+    result_.scores = best().scores;
+    for (std::size_t i = 1; i < candidates_.size(); ++i) {
+      result_.alternatives.push_back({{}, candidates_[i].scores});
+      VertexMap* const map = &result_.alternatives.back().y_from_x;
+      if (!decimated()) {
+        *map = UserMap(candidates_[i].y_from_x);
+        continue;
+      }
+      ISOMATCH_ASSIGN_OR_RETURN(
+          const LiftedMap lifted,
+          LiftMap(shape(kX), shape(kY),
+                  PointsAtVertices(solved(kY), candidates_[i].y_from_x), {},
+                  stop_));
+      *map = ToUserMap(shape(kX).full, shape(kY).full, lifted.y_from_x);
+    }
+    result_.symmetry_confidence = SymmetryConfidence(options_, candidates_);
+    if (options_.keep_functional_map && shape(kX).spectral.size() > 0) {
+      const int k =
+          std::min(shape(kX).spectral.size(), shape(kY).spectral.size());
+      result_.functional_map = FunctionalMapFromVertexMap(
+          shape(kX).spectral, shape(kY).spectral, best().y_from_x, k);
+      result_.eigenvalues_x = shape(kX).spectral.eigenvalues.head(k);
+      result_.eigenvalues_y = shape(kY).spectral.eigenvalues.head(k);
+    }
+    return absl::OkStatus();
+  }
+
+  VertexMap UserMap(const VertexMap& y_from_x) const {
+    return ToUserMap(solved(kX), solved(kY), y_from_x);
+  }
+
+  const PreparedMesh& shape(Side side) const { return *shapes_[side]; }
+  const WorkingMesh& solved(Side side) const { return shape(side).solved(); }
+
+  Candidate& best() { return candidates_.front(); }
+  const Candidate& best() const { return candidates_.front(); }
+
+  void Keep(Stage stage) {
+    if (options_.keep_stage_maps) {
+      result_.stage_maps.push_back({stage, UserMap(best().y_from_x)});
+    }
+  }
+
+  // Input.
+  const absl::Span<const Landmark> user_landmarks_;
+  const MatchOptions& options_;
+  ProgressReporter& progress_;
+  const std::stop_token& stop_;
+
+  // State, an entry a side, in order of the stages that make it.
+  std::array<const PreparedMesh*, 2> shapes_;
+  std::optional<PreparedMesh> reflected_;  ///< X, where that is matched
+  std::vector<WorkingLandmark> landmarks_;
+  std::array<std::optional<Closeness>, 2> closeness_;
+  std::array<PointPool, 2> pools_;
+  std::array<CandidateSearch, 2> search_;
+  std::array<PointFrames, 2> frames_;
+  std::vector<Candidate> candidates_;  ///< the best first
+  std::optional<CandidateChoice> choice_;
+  std::unique_ptr<ElasticAlignment> alignment_;  ///< of the best
+  std::vector<float> offsets_;                   ///< DescriptorOffsets of it
+  Correspondence result_;
+};
+
+}  // namespace
+
+absl::StatusOr<Correspondence> RunMatch(const PreparedMesh& x,
+                                        const PreparedMesh& y,
+                                        absl::Span<const Landmark> landmarks,
+                                        const MatchOptions& options,
+                                        ProgressReporter* progress,
+                                        const std::stop_token& stop) {
+  return Matcher(x, y, landmarks, options, progress, stop).Run();
+}
+
+}  // namespace isomatch

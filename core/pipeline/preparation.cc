@@ -1,0 +1,69 @@
+#include "core/pipeline/preparation.h"
+
+#include <functional>
+
+#include "core/base/parallel.h"
+#include "core/base/status_macros.h"
+#include "core/matching/matching.h"
+#include "core/pipeline/candidates.h"
+#include "core/pipeline/stage_plan.h"
+#include "core/spectral/mean_curvature.h"
+
+namespace isomatch {
+namespace {
+
+absl::Status PrepareSpectral(const MatchOptions& options,
+                             const std::stop_token& stop,
+                             PreparedMesh* prepared) {
+  const WorkingMesh& solved = prepared->solved();
+  prepared->laplacian = BuildCotanLaplacian(solved.mesh);
+  const int count = SpectralCount(options);
+  if (count > 0) {
+    ISOMATCH_ASSIGN_OR_RETURN(
+        prepared->spectral,
+        ComputeSpectralBasis(prepared->laplacian, count, stop));
+  }
+  prepared->curvature = Eigen::VectorXd::Zero(solved.mesh.num_vertices());
+  if (options.curvature_weight > 0) {
+    ISOMATCH_ASSIGN_OR_RETURN(
+        prepared->curvature,
+        SmoothedMeanCurvature(prepared->laplacian, solved.mesh.positions,
+                              solved.normals, options.curvature_radius));
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::Status PrepareMeshes(const std::array<const TriangleMesh*, 2>& meshes,
+                           const MatchOptions& options,
+                           ProgressReporter* progress,
+                           const std::stop_token& stop,
+                           std::array<PreparedMesh, 2>* prepared) {
+  const auto both = [&](const std::function<absl::Status(Side)>& prepare) {
+    const auto one = [&](Side side) {
+      return meshes[side] == nullptr ? absl::OkStatus() : prepare(side);
+    };
+    return RunBoth([&] { return one(kX); }, [&] { return one(kY); });
+  };
+  progress->Begin(Stage::kPrepare);
+  ISOMATCH_RETURN_IF_ERROR(both([&](Side side) {
+    return PrepareSurface(*meshes[side], options, stop, &(*prepared)[side]);
+  }));
+  progress->Begin(Stage::kGeodesics);
+  ISOMATCH_RETURN_IF_ERROR(both([&](Side side) -> absl::Status {
+    ISOMATCH_ASSIGN_OR_RETURN(
+        (*prepared)[side].hash,
+        HashGeodesics((*prepared)[side].solved(), options.pool_size,
+                      progress->Part(side, 2), stop));
+    return absl::OkStatus();
+  }));
+  if (SpectralCount(options) > 0) progress->Begin(Stage::kSpectral);
+  ISOMATCH_RETURN_IF_ERROR(both([&](Side side) {
+    return PrepareSpectral(options, stop, &(*prepared)[side]);
+  }));
+  return both(
+      [&](Side side) { return Describe(options, stop, &(*prepared)[side]); });
+}
+
+}  // namespace isomatch

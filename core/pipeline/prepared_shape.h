@@ -1,0 +1,37 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "absl/status/status.h"
+#include "core/mesh/triangle_mesh.h"
+#include "core/pipeline/match_options.h"
+#include "core/pipeline/matcher.h"
+#include "core/pipeline/prepared_mesh.h"
+
+namespace isomatch {
+
+/// The options that preparation depends on.
+struct PreparationKey {
+  std::int32_t solved_vertices = 0;
+  std::int32_t pool_size = 0;
+  std::int32_t eigenpairs = 0;
+  double curvature_radius = 0;   ///< 0 without
+  double descriptor_radius = 0;  ///< 0 without
+
+  static PreparationKey Of(const MatchOptions& options);
+};
+
+/// INVALID_ARGUMENT, naming `field`, the option and both values, where the keys
+/// differ.
+absl::Status CheckSameKey(const std::string& field, const PreparationKey& found,
+                          const PreparationKey& expected);
+
+struct PreparedShape::Contents {
+  TriangleMesh mesh;
+  PreparationKey key;
+  PreparedMesh prepared;
+  std::int32_t large_components = 1;
+};
+
+}  // namespace isomatch

@@ -1,0 +1,166 @@
+#include <string>
+
+#include <gtest/gtest.h>
+
+#include "core/pipeline/matcher.h"
+#include "tests/support/dirty_meshes.h"
+#include "tests/support/matchers.h"
+#include "tests/support/quick_options.h"
+#include "tests/support/shapes.h"
+
+namespace isomatch {
+namespace {
+
+using testing::HasSubstr;
+
+/// Everything of a result that a user sees.
+void ExpectSame(const Correspondence& a, const Correspondence& b) {
+  EXPECT_EQ(a.y_from_x, b.y_from_x);
+  EXPECT_EQ(a.confidence, b.confidence);
+  EXPECT_EQ(a.objective, b.objective);
+  EXPECT_EQ(a.scores.rank_value, b.scores.rank_value);
+  EXPECT_EQ(a.quality.geodesic_distortion, b.quality.geodesic_distortion);
+  EXPECT_EQ(a.warnings_x, b.warnings_x);
+  ASSERT_EQ(a.precise.size(), b.precise.size());
+  for (std::size_t v = 0; v < a.precise.size(); ++v) {
+    EXPECT_EQ(a.precise[v].vertices, b.precise[v].vertices);
+    EXPECT_EQ(a.precise[v].weights, b.precise[v].weights);
+  }
+}
+
+/// With meshes that are decimated (700) and ones that are not (0).
+class PreparedShapeTest : public testing::TestWithParam<int> {
+ protected:
+  PreparedShapeTest() { options_.solved_vertices = GetParam(); }
+
+  PreparedShape Prepared(const TriangleMesh& mesh) const {
+    auto shape = Prepare(mesh, options_);
+    EXPECT_THAT(shape, IsOk());
+    return *std::move(shape);
+  }
+
+  MatchOptions options_ = QuickOptions();
+  const TriangleMesh x_ = FiveArms(3);
+  const TriangleMesh y_ = Moved(FiveArms(4), 2);
+};
+
+INSTANTIATE_TEST_SUITE_P(Solved, PreparedShapeTest, testing::Values(700, 0));
+
+TEST_P(PreparedShapeTest, GivesTheSameResultAsTheMeshes) {
+  const auto direct = Match(x_, y_, {}, options_);
+  ASSERT_THAT(direct, IsOk());
+  const auto prepared = Match(Prepared(x_), Prepared(y_), {}, options_);
+  ASSERT_THAT(prepared, IsOk());
+  ExpectSame(*direct, *prepared);
+}
+
+TEST_P(PreparedShapeTest, SurvivesSerialisation) {
+  const PreparedShape x = Prepared(x_);
+  const PreparedShape y = Prepared(y_);
+  const std::string bytes = SerializePreparedShape(y);
+  const auto read = ParsePreparedShape(bytes);
+  ASSERT_THAT(read, IsOk());
+  EXPECT_EQ(SerializePreparedShape(*read), bytes);
+  const auto before = Match(x, y, {}, options_);
+  const auto after = Match(x, *read, {}, options_);
+  ASSERT_THAT(before, IsOk());
+  ASSERT_THAT(after, IsOk());
+  ExpectSame(*before, *after);
+}
+
+TEST_P(PreparedShapeTest, ServesLandmarksOnEitherSideOfASymmetry) {
+  // The mirrored map needs the mirror image of what was prepared.
+  const TriangleMesh body = MirrorSymmetricBody(4);
+  const PreparedShape shape = Prepared(body);
+  std::vector<Landmark> landmarks;
+  for (VertexIndex v = 0; v < body.num_vertices(); v += 200) {
+    Eigen::RowVector3d place = body.positions.row(v);
+    place[2] *= -1;
+    Eigen::Index image;
+    (body.positions.rowwise() - place).rowwise().norm().minCoeff(&image);
+    landmarks.push_back({v, static_cast<VertexIndex>(image)});
+  }
+  MatchOptions options = options_;
+  options.landmarks_exact = true;
+  const auto direct = Match(body, body, landmarks, options);
+  const auto prepared = Match(shape, shape, landmarks, options);
+  ASSERT_THAT(direct, IsOk());
+  ASSERT_THAT(prepared, IsOk());
+  ASSERT_LT(direct->scores.orientation_score, 0);
+  ExpectSame(*direct, *prepared);
+  // And leaves it as it was.
+  ExpectSame(*Match(body, body, {}, options_),
+             *Match(shape, shape, {}, options_));
+}
+
+TEST_P(PreparedShapeTest, MeshesOfSeveralComponentsMatchAsWell) {
+  const TriangleMesh two =
+      Joined(Untouched(FiveArms(3)), Untouched(Moved(BumpySphere(3), 1)),
+             x_.num_vertices())
+          .mesh;
+  const auto direct = Match(two, two, {}, options_);
+  const auto prepared = Match(Prepared(two), Prepared(two), {}, options_);
+  ASSERT_THAT(direct, IsOk());
+  ASSERT_THAT(prepared, IsOk());
+  ExpectSame(*direct, *prepared);
+}
+
+TEST_P(PreparedShapeTest, RefusesOtherOptionsThanItWasPreparedFor) {
+  const PreparedShape x = Prepared(x_);
+  const auto with = [&](auto change) {
+    MatchOptions options = options_;
+    change(options);
+    return Match(x, x, {}, options).status();
+  };
+  const auto names = [](const char* option) {
+    return StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr(option));
+  };
+  EXPECT_THAT(with([](MatchOptions& o) { o.solved_vertices = 999; }),
+              names("mesh_x: prepared with solved_vertices"));
+  EXPECT_THAT(with([](MatchOptions& o) { o.pool_size = 99; }),
+              names("pool_size"));
+  EXPECT_THAT(with([](MatchOptions& o) { o.alignment_basis = 61; }),
+              names("spectral basis size"));
+  EXPECT_THAT(with([](MatchOptions& o) { o.curvature_radius = 0.1; }),
+              names("curvature_radius"));
+  EXPECT_THAT(with([](MatchOptions& o) { o.descriptor_radius = 0.2; }),
+              names("descriptor_radius"));
+  // Others do not matter.
+  EXPECT_THAT(with([](MatchOptions& o) { o.random_seed = 7; }), IsOk());
+}
+
+TEST_P(PreparedShapeTest, RefusesBytesThatAreCutOrChanged) {
+  std::string bytes = SerializePreparedShape(Prepared(x_));
+  const auto is_data_loss =
+      StatusIs(absl::StatusCode::kDataLoss, HasSubstr("prepared shape"));
+  for (const std::size_t size :
+       {std::size_t{0}, std::size_t{5}, std::size_t{25}, bytes.size() / 2,
+        bytes.size() - 1}) {
+    EXPECT_THAT(ParsePreparedShape(bytes.substr(0, size)).status(),
+                is_data_loss);
+  }
+  EXPECT_THAT(ParsePreparedShape(bytes + "x").status(), is_data_loss);
+  bytes[bytes.size() / 3] ^= 1;
+  EXPECT_THAT(ParsePreparedShape(bytes).status(), is_data_loss);
+}
+
+TEST_P(PreparedShapeTest, NamesWhatIsWrongWithAMesh) {
+  TriangleMesh broken = x_;
+  broken.faces(0, 0) = 99999;
+  EXPECT_THAT(Prepare(broken, options_).status(),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("mesh")));
+  EXPECT_THAT(
+      Match(Prepared(x_), Prepared(y_), {{{0, 0}, {0, 1}}}, options_).status(),
+      StatusIs(absl::StatusCode::kInvalidArgument,
+               HasSubstr("landmarks[1].x")));
+}
+
+TEST_P(PreparedShapeTest, StopsWhenAsked) {
+  std::stop_source source;
+  source.request_stop();
+  EXPECT_THAT(Prepare(x_, options_, {}, source.get_token()).status(),
+              StatusIs(absl::StatusCode::kCancelled, testing::_));
+}
+
+}  // namespace
+}  // namespace isomatch
