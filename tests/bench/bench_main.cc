@@ -6,16 +6,31 @@
 
 #include "tests/bench/accuracy.h"
 #include "tests/bench/option_overrides.h"
+#include "tests/bench/speed.h"
 
 namespace isomatch::bench {
 namespace {
 
 struct Arguments {
   PairSelection pairs;
+  SpeedSelection speed = {
+      {1000, 5000, 13000, 50000, 100000, 200000}, "", "", 3};
+  int threads = 0;
   std::string profile = "default";
   std::string out;
   std::vector<std::string> settings;
 };
+
+void AddMatchOptions(CLI::App* command, Arguments* arguments) {
+  command->add_option("--profile", arguments->profile, "default or paper")
+      ->check(CLI::IsMember({"default", "paper"}))
+      ->capture_default_str();
+  command->add_option("--set", arguments->settings,
+                      "Another value of an option: name=number, repeatable");
+  command->add_option("--threads", arguments->threads, "0: one for each core")
+      ->check(CLI::Range(0, 1024))
+      ->capture_default_str();
+}
 
 CLI::App* AddPairCommand(CLI::App* app, const char* name, const char* help,
                          Arguments* arguments) {
@@ -24,9 +39,6 @@ CLI::App* AddPairCommand(CLI::App* app, const char* name, const char* help,
       ->add_option("DATA_DIR", arguments->pairs.dir,
                    "Folder with pairs.txt, NAME.off and gt_X__Y.txt")
       ->required();
-  command->add_option("--profile", arguments->profile, "default or paper")
-      ->check(CLI::IsMember({"default", "paper"}))
-      ->capture_default_str();
   command->add_option("--filter", arguments->pairs.filter,
                       "Only pairs whose names contain this");
   command
@@ -34,36 +46,68 @@ CLI::App* AddPairCommand(CLI::App* app, const char* name, const char* help,
                    "Matches of the truth to give to each pair")
       ->check(CLI::Range(0, 1000))
       ->capture_default_str();
-  command->add_option("--set", arguments->settings,
-                      "Another value of an option: name=number, repeatable");
+  AddMatchOptions(command, arguments);
   return command;
 }
 
-absl::Status Run(const Arguments& arguments, bool ablation) {
+CLI::App* AddSpeedCommand(CLI::App* app, Arguments* arguments) {
+  CLI::App* command = app->add_subcommand(
+      "speed", "Time and memory by stage, over sizes of the sample animal");
+  command
+      ->add_option("--sizes", arguments->speed.sizes,
+                   "Vertices a side, separated by commas")
+      ->delimiter(',')
+      ->check(CLI::Range(100, 5'000'000))
+      ->capture_default_str();
+  command->add_option("--dir", arguments->speed.dir,
+                      "Instead: the pairs of a folder as for accuracy");
+  command->add_option("--filter", arguments->speed.filter,
+                      "Only pairs of it whose names contain this");
+  AddMatchOptions(command, arguments);
+  command->add_option("--runs", arguments->speed.runs, "The median counts")
+      ->check(CLI::Range(1, 100))
+      ->capture_default_str();
+  return command;
+}
+
+enum class Command { kAccuracy, kAblation, kSpeed };
+
+absl::Status Run(const Arguments& arguments, Command command) {
   MatchOptions options = MatchOptions::ForProfile(
       arguments.profile == "paper" ? Profile::kPaper : Profile::kDefault);
   if (const absl::Status status = ApplyOverrides(arguments.settings, &options);
       !status.ok()) {
     return status;
   }
-  if (ablation) return RunAblation(arguments.pairs, options);
+  options.threads = arguments.threads;
+  if (command == Command::kAblation) {
+    return RunAblation(arguments.pairs, options);
+  }
+  if (command == Command::kSpeed) {
+    return RunSpeed(arguments.speed, options, arguments.out);
+  }
   return RunAccuracy(arguments.pairs, options, arguments.out);
 }
 
 int Main(int argc, char** argv) {
-  CLI::App app("Figures about accuracy, on sets of mesh pairs with a truth",
-               "isomatch-bench");
+  CLI::App app("Figures about accuracy and speed", "isomatch-bench");
   app.require_subcommand(1);
   Arguments arguments;
   CLI::App* const accuracy =
       AddPairCommand(&app, "accuracy",
                      "Errors of every pair, by stage and in total", &arguments);
-  accuracy->add_option("--out", arguments.out, "The figures as JSON");
+  CLI::App* const speed = AddSpeedCommand(&app, &arguments);
+  for (CLI::App* const command : {accuracy, speed}) {
+    command->add_option("--out", arguments.out, "The figures as JSON");
+  }
   const CLI::App* const ablation = AddPairCommand(
       &app, "ablation", "The swapping ablation of the paper's Table 1",
       &arguments);
   CLI11_PARSE(app, argc, argv);
-  const absl::Status status = Run(arguments, ablation->parsed());
+  const absl::Status status =
+      Run(arguments, ablation->parsed() ? Command::kAblation
+                     : speed->parsed()  ? Command::kSpeed
+                                        : Command::kAccuracy);
   if (status.ok()) return 0;
   std::fprintf(stderr, "isomatch-bench: %s\n",
                std::string(status.message()).c_str());

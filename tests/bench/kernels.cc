@@ -1,0 +1,83 @@
+#include "tests/bench/kernels.h"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+
+#include "client/sample_animal.h"
+#include "core/base/nearest_columns.h"
+#include "core/geodesic/basis_points.h"
+#include "core/geodesic/farthest_point_sampling.h"
+#include "core/geodesic/wavefront_stencils.h"
+#include "core/pipeline/match_options.h"
+#include "core/spectral/cotan_laplacian.h"
+#include "core/spectral/spectral_basis.h"
+#include "tests/bench/machine.h"
+
+namespace isomatch::bench {
+namespace {
+
+constexpr int kTries = 3;
+
+double BestSeconds(const std::function<void()>& body) {
+  double best = INFINITY;
+  for (int i = 0; i < kTries; ++i) {
+    const double begin = WallSeconds();
+    body();
+    best = std::min(best, WallSeconds() - begin);
+  }
+  return best;
+}
+
+KernelCost DistanceFields(const TriangleMesh& mesh) {
+  const DistanceFieldSolver solver(mesh);
+  const int sources = BasisPoints::DefaultCount(mesh.num_vertices());
+  const auto points = FarthestPoints(solver, sources, {});
+  const double seconds = BestSeconds([&] {
+    BasisPoints::Create(solver, *points, {}, {}).status().IgnoreError();
+  });
+  const double units = double(mesh.num_vertices()) * sources;
+  // Each field reads every stencil once at least.
+  const double bytes = double(WavefrontStencils(mesh).size()) *
+                       sizeof(WavefrontStencil) * sources;
+  return {"distance fields", "vertex and source", 1e9 * seconds / units,
+          1e-9 * bytes / seconds, false};
+}
+
+KernelCost Nearest(Eigen::Index vertices, Eigen::Index rows) {
+  const PointColumns a = PointColumns::Random(rows, vertices);
+  const PointColumns b = PointColumns::Random(rows, vertices);
+  const double seconds =
+      BestSeconds([&] { NearestColumns(a, b, {}).status().IgnoreError(); });
+  const double pairs = double(vertices) * double(vertices);
+  return {"nearest neighbours, " + std::to_string(rows) + " dimensions",
+          "pair of vertices", 1e9 * seconds / pairs,
+          1e-9 * 2 * double(rows) * pairs / seconds, true};
+}
+
+KernelCost Eigenpairs(const TriangleMesh& mesh, int count) {
+  const CotanLaplacian laplacian = BuildCotanLaplacian(mesh);
+  const double seconds = BestSeconds([&] {
+    ComputeSpectralBasis(laplacian, count, {}).status().IgnoreError();
+  });
+  // One sweep of Lanczos orthogonalises 2 count + 20 vectors, each against all
+  // before it, there and back.
+  const double n = mesh.num_vertices();
+  const double subspace = 2 * count + 20;
+  return {"eigenpairs", "vertex and pair", 1e9 * seconds / (n * count),
+          1e-9 * 2 * n * subspace * subspace / seconds, true};
+}
+
+}  // namespace
+
+std::vector<KernelCost> MeasureKernels() {
+  const MatchOptions options;
+  const auto sample = MakeSample({.vertices = options.solved_vertices});
+  if (!sample.ok()) return {};
+  return {DistanceFields(sample->mesh),
+          Nearest(options.solved_vertices, options.alignment_basis),
+          Nearest(options.solved_vertices, options.first_stage_matches),
+          Eigenpairs(sample->mesh, options.alignment_basis)};
+}
+
+}  // namespace isomatch::bench

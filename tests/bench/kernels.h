@@ -1,0 +1,21 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace isomatch::bench {
+
+/// What one inner loop costs, alone on all cores.
+struct KernelCost {
+  std::string name;
+  std::string unit;        ///< of work
+  double ns_per_unit = 0;  ///< wall, all cores
+  double rate = 0;         ///< GFLOP/s, or GB/s of what must be read
+  bool is_arithmetic = true;
+};
+
+/// Distance fields, nearest columns and matching near an image by descriptors,
+/// on meshes of as many vertices as the default profile solves on.
+std::vector<KernelCost> MeasureKernels();
+
+}  // namespace isomatch::bench

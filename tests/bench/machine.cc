@@ -1,0 +1,101 @@
+#include "tests/bench/machine.h"
+
+#include <malloc.h>
+#include <sys/resource.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <fstream>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "core/base/parallel.h"
+
+namespace isomatch::bench {
+namespace {
+
+constexpr int kTries = 3;
+constexpr std::int64_t kBlocks = 64;
+
+/// A figure of /proc/self/status in bytes.
+std::int64_t StatusBytes(const std::string& name) {
+  std::ifstream status("/proc/self/status");
+  std::string word;
+  std::int64_t kilobytes = 0;
+  while (status >> word) {
+    if (word == name + ":" && status >> kilobytes) return 1024 * kilobytes;
+  }
+  return 0;
+}
+
+double BestSeconds(const std::function<void()>& body) {
+  double best = INFINITY;
+  for (int i = 0; i < kTries; ++i) {
+    const double begin = WallSeconds();
+    body();
+    best = std::min(best, WallSeconds() - begin);
+  }
+  return best;
+}
+
+double Seconds(const timeval& time) {
+  return double(time.tv_sec) + 1e-6 * double(time.tv_usec);
+}
+
+}  // namespace
+
+double WallSeconds() {
+  return std::chrono::duration<double>(
+             std::chrono::steady_clock::now().time_since_epoch())
+      .count();
+}
+
+double CpuSeconds() {
+  rusage usage;
+  getrusage(RUSAGE_SELF, &usage);
+  return Seconds(usage.ru_utime) + Seconds(usage.ru_stime);
+}
+
+std::int64_t ResidentBytes() { return StatusBytes("VmRSS"); }
+std::int64_t PeakResidentBytes() { return StatusBytes("VmHWM"); }
+
+void ResetPeakResidentBytes() {
+  malloc_trim(0);
+  std::ofstream("/proc/self/clear_refs") << "5";
+}
+
+MachineLimits MeasureMachine() {
+  MachineLimits limits;
+  {
+    const std::vector<float> array(std::size_t{64} << 20, 1);
+    std::vector<double> sums(kBlocks);
+    const std::int64_t block =
+        static_cast<std::int64_t>(array.size()) / kBlocks;
+    const double seconds = BestSeconds([&] {
+      ParallelFor(kBlocks, {}, [&](std::int64_t b) {
+        sums[b] =
+            Eigen::Map<const Eigen::ArrayXf>(array.data() + b * block, block)
+                .sum();
+      }).IgnoreError();
+    });
+    limits.read_gb_per_s =
+        1e-9 * sizeof(float) * double(array.size()) / seconds;
+  }
+  constexpr Eigen::Index kSize = 512;
+  const Eigen::MatrixXf a = Eigen::MatrixXf::Random(kSize, kSize);
+  std::vector<Eigen::MatrixXf> products(kBlocks);
+  const double seconds = BestSeconds([&] {
+    ParallelFor(kBlocks, {}, [&](std::int64_t b) {
+      products[b].noalias() = a * a;
+    }).IgnoreError();
+  });
+  limits.gflop_per_s =
+      1e-9 * 2 * std::pow(double(kSize), 3) * kBlocks / seconds;
+  return limits;
+}
+
+}  // namespace isomatch::bench

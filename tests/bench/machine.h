@@ -1,0 +1,25 @@
+#pragma once
+
+#include <cstdint>
+
+namespace isomatch::bench {
+
+/// Seconds since some moment, and of processor time over all threads.
+double WallSeconds();
+double CpuSeconds();
+
+/// Bytes this process holds in memory now, and the most it held since the last
+/// reset (Linux; 0 elsewhere).
+std::int64_t ResidentBytes();
+std::int64_t PeakResidentBytes();
+/// Gives freed memory back and forgets the peak.
+void ResetPeakResidentBytes();
+
+/// What this machine can do now, all cores at once.
+struct MachineLimits {
+  double read_gb_per_s = 0;  ///< sum over an array that no cache holds
+  double gflop_per_s = 0;    ///< single-precision product of square matrices
+};
+MachineLimits MeasureMachine();
+
+}  // namespace isomatch::bench

@@ -1,0 +1,325 @@
+#include "tests/bench/speed.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <functional>
+#include <map>
+#include <string>
+#include <utility>
+
+#include <nlohmann/json.hpp>
+
+#include "client/sample_animal.h"
+#include "client/text_file.h"
+#include "core/base/status_macros.h"
+#include "core/evaluation/geodesic_error.h"
+#include "core/geodesic/basis_points.h"
+#include "core/pipeline/matcher.h"
+#include "tests/bench/kernels.h"
+#include "tests/bench/machine.h"
+#include "tests/bench/pair_set.h"
+
+namespace isomatch::bench {
+namespace {
+
+constexpr double kMegabyte = 1e6;
+/// Exponents are fitted from this size on: below, constants rule.
+constexpr int kFittedFrom = 5000;
+
+struct StageCost {
+  double wall = 0;
+  double cpu = 0;
+  double peak_bytes = 0;  ///< beyond what was held before the run
+};
+
+struct RunCost {
+  std::map<Stage, StageCost> stages;
+  double wall = 0;
+  double cpu = 0;
+  double peak_bytes = 0;
+};
+
+/// Median runs of one pair.
+struct PairCost {
+  std::string name;
+  int vertices = 0;  ///< of the larger mesh
+  RunCost run;
+  double estimate_bytes = 0;
+  double prepared_seconds = 0;
+  double error = 0;
+};
+
+/// Times the stages of `match`, told apart by their progress.
+class StageClock {
+ public:
+  explicit StageClock(RunCost* cost) : cost_(*cost) {
+    ResetPeakResidentBytes();
+    held_ = ResidentBytes();
+    begin_wall_ = stage_wall_ = WallSeconds();
+    begin_cpu_ = stage_cpu_ = CpuSeconds();
+  }
+
+  void Observe(const Progress& progress) {
+    if (running_ && progress.stage == stage_) return;
+    EndStage();
+    stage_ = progress.stage;
+    running_ = true;
+  }
+
+  void Finish() {
+    EndStage();
+    cost_.wall = WallSeconds() - begin_wall_;
+    cost_.cpu = CpuSeconds() - begin_cpu_;
+  }
+
+ private:
+  void EndStage() {
+    const double wall = WallSeconds();
+    const double cpu = CpuSeconds();
+    if (running_) {
+      // The peak so far: stages do not forget what those before them held.
+      const double peak = double(PeakResidentBytes() - held_);
+      cost_.stages[stage_] = {wall - stage_wall_, cpu - stage_cpu_, peak};
+      cost_.peak_bytes = std::max(cost_.peak_bytes, peak);
+    }
+    stage_wall_ = wall;
+    stage_cpu_ = cpu;
+  }
+
+  RunCost& cost_;
+  std::int64_t held_ = 0;
+  bool running_ = false;
+  Stage stage_ = Stage::kPrepare;
+  double begin_wall_, stage_wall_, begin_cpu_, stage_cpu_;
+};
+
+double MedianOf(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  return values[values.size() / 2];
+}
+
+/// Medians figure by figure.
+RunCost MedianOf(const std::vector<RunCost>& runs) {
+  const auto median = [&](const std::function<double(const RunCost&)>& of) {
+    std::vector<double> values;
+    for (const RunCost& run : runs) values.push_back(of(run));
+    return MedianOf(std::move(values));
+  };
+  RunCost result;
+  result.wall = median([](const RunCost& run) { return run.wall; });
+  result.cpu = median([](const RunCost& run) { return run.cpu; });
+  result.peak_bytes = median([](const RunCost& run) { return run.peak_bytes; });
+  for (const auto& [name, unused] : runs.front().stages) {
+    const Stage stage = name;
+    const auto of = [&](double StageCost::*figure) {
+      return median(
+          [&](const RunCost& run) { return run.stages.at(stage).*figure; });
+    };
+    result.stages[stage] = {of(&StageCost::wall), of(&StageCost::cpu),
+                            of(&StageCost::peak_bytes)};
+  }
+  return result;
+}
+
+MeshSize SizeOf(const TriangleMesh& mesh) {
+  return {mesh.num_vertices(), mesh.num_faces()};
+}
+
+absl::StatusOr<PairCost> MeasurePair(const MeshPair& pair, int runs,
+                                     const MatchOptions& options) {
+  PairCost cost;
+  cost.name = pair.name_x + " " + pair.name_y;
+  cost.vertices =
+      std::max(pair.mesh_x.num_vertices(), pair.mesh_y.num_vertices());
+  cost.estimate_bytes = double(EstimateMemoryBytes(
+      SizeOf(pair.mesh_x), SizeOf(pair.mesh_y), 0, options));
+  std::vector<RunCost> costs;
+  std::vector<double> prepared_seconds;
+  VertexMap found;
+  for (int run = 0; run < runs; ++run) {
+    costs.emplace_back();
+    StageClock clock(&costs.back());
+    ISOMATCH_ASSIGN_OR_RETURN(
+        Correspondence result,
+        Match(pair.mesh_x, pair.mesh_y, {}, options,
+              [&](const Progress& progress) { clock.Observe(progress); }));
+    clock.Finish();
+    found = std::move(result.y_from_x);
+  }
+  cost.run = MedianOf(costs);
+  ISOMATCH_ASSIGN_OR_RETURN(const PreparedShape x,
+                            Prepare(pair.mesh_x, options));
+  ISOMATCH_ASSIGN_OR_RETURN(const PreparedShape y,
+                            Prepare(pair.mesh_y, options));
+  for (int run = 0; run < runs; ++run) {
+    const double begin = WallSeconds();
+    ISOMATCH_RETURN_IF_ERROR(Match(x, y, {}, options).status());
+    prepared_seconds.push_back(WallSeconds() - begin);
+  }
+  cost.prepared_seconds = MedianOf(std::move(prepared_seconds));
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const GeodesicError error,
+      GeodesicErrorMeter(pair.mesh_y).Measure(found, pair.truth.direct));
+  cost.error = error.mean_over_diameter;
+  return cost;
+}
+
+absl::StatusOr<MeshPair> SamplePair(int vertices) {
+  ISOMATCH_ASSIGN_OR_RETURN(const Sample x,
+                            MakeSample({.pose = 'A', .vertices = vertices}));
+  ISOMATCH_ASSIGN_OR_RETURN(const Sample y,
+                            MakeSample({.pose = 'B', .vertices = vertices}));
+  return MeshPair{
+      "sample A", "sample B", x.mesh, y.mesh, {SampleTruth(x, y), {}}};
+}
+
+/// Vertices that a stage works on, times sources for the distance fields.
+double UnitsOf(Stage stage, const PairCost& cost, const MatchOptions& options) {
+  if (stage != Stage::kGeodesics) return 2.0 * cost.vertices;
+  const int solved = options.solved_vertices > 0
+                         ? std::min(cost.vertices, options.solved_vertices)
+                         : cost.vertices;
+  return 2.0 * solved * BasisPoints::DefaultCount(solved);
+}
+
+void PrintPair(const PairCost& cost, const MatchOptions& options) {
+  std::printf(
+      "\n%s, %d vertices: %.2f s (processor %.2f), with both prepared "
+      "%.2f s\n  peak %.0f MB, estimate %.0f MB (%.2f x), error / "
+      "diameter %.4f\n",
+      cost.name.c_str(), cost.vertices, cost.run.wall, cost.run.cpu,
+      cost.prepared_seconds, cost.run.peak_bytes / kMegabyte,
+      cost.estimate_bytes / kMegabyte,
+      cost.estimate_bytes / cost.run.peak_bytes, cost.error);
+  std::printf("  %-18s %9s %9s %12s  %s\n", "stage", "wall s", "cpu s",
+              "peak so far", "ns a unit of work");
+  for (const auto& [stage, figures] : cost.run.stages) {
+    std::printf(
+        "  %-18s %9.3f %9.3f %9.0f MB  %.0f a vertex%s\n", StageName(stage),
+        figures.wall, figures.cpu, figures.peak_bytes / kMegabyte,
+        1e9 * figures.cpu / UnitsOf(stage, cost, options),
+        stage == Stage::kGeodesics ? " and source (of those solved on)" : "");
+  }
+  std::fflush(stdout);
+}
+
+/// Slope of log(figure) over log(vertices), least squares; 0 for fewer than two
+/// sizes.
+double Exponent(const std::vector<PairCost>& costs,
+                const std::function<double(const PairCost&)>& figure) {
+  double n = 0, sx = 0, sy = 0, sxx = 0, sxy = 0;
+  for (const PairCost& cost : costs) {
+    if (cost.vertices < kFittedFrom) continue;
+    const double x = std::log(cost.vertices);
+    const double y = std::log(figure(cost));
+    n += 1;
+    sx += x;
+    sy += y;
+    sxx += x * x;
+    sxy += x * y;
+  }
+  const double spread = n * sxx - sx * sx;
+  return spread > 0 ? (n * sxy - sx * sy) / spread : 0;
+}
+
+nlohmann::json ToJson(const PairCost& cost) {
+  nlohmann::json stages;
+  for (const auto& [stage, figures] : cost.run.stages) {
+    stages[StageName(stage)] = {{"wall_seconds", figures.wall},
+                                {"cpu_seconds", figures.cpu},
+                                {"peak_bytes_so_far", figures.peak_bytes}};
+  }
+  return {{"pair", cost.name},
+          {"vertices", cost.vertices},
+          {"wall_seconds", cost.run.wall},
+          {"cpu_seconds", cost.run.cpu},
+          {"prepared_wall_seconds", cost.prepared_seconds},
+          {"peak_bytes", cost.run.peak_bytes},
+          {"estimate_bytes", cost.estimate_bytes},
+          {"error_over_diameter", cost.error},
+          {"stages", std::move(stages)}};
+}
+
+nlohmann::json PrintKernels() {
+  const MachineLimits machine = MeasureMachine();
+  std::printf("\nmachine: %.1f GFLOP/s (float products), %.1f GB/s (reading)\n",
+              machine.gflop_per_s, machine.read_gb_per_s);
+  nlohmann::json kernels;
+  for (const KernelCost& kernel : MeasureKernels()) {
+    const double limit =
+        kernel.is_arithmetic ? machine.gflop_per_s : machine.read_gb_per_s;
+    std::printf(
+        "  %-34s %8.2f ns a %-20s %6.1f %s, %3.0f %% of the machine's\n",
+        kernel.name.c_str(), kernel.ns_per_unit, kernel.unit.c_str(),
+        kernel.rate, kernel.is_arithmetic ? "GFLOP/s" : "GB/s",
+        100 * kernel.rate / limit);
+    kernels.push_back({{"kernel", kernel.name},
+                       {"unit", kernel.unit},
+                       {"ns_per_unit", kernel.ns_per_unit},
+                       {"rate", kernel.rate},
+                       {"machine", limit}});
+  }
+  return kernels;
+}
+
+absl::Status MeasureAll(const SpeedSelection& selection,
+                        const MatchOptions& options,
+                        std::vector<PairCost>* costs) {
+  const auto measure = [&](const MeshPair& pair) -> absl::Status {
+    ISOMATCH_ASSIGN_OR_RETURN(PairCost cost,
+                              MeasurePair(pair, selection.runs, options));
+    PrintPair(cost, options);
+    costs->push_back(std::move(cost));
+    return absl::OkStatus();
+  };
+  if (selection.dir.empty()) {
+    for (const int size : selection.sizes) {
+      ISOMATCH_ASSIGN_OR_RETURN(const MeshPair pair, SamplePair(size));
+      ISOMATCH_RETURN_IF_ERROR(measure(pair));
+    }
+    return absl::OkStatus();
+  }
+  ISOMATCH_ASSIGN_OR_RETURN(const auto names, ReadPairNames(selection.dir));
+  for (const auto& [x, y] : names) {
+    if ((x + " " + y).find(selection.filter) == std::string::npos) continue;
+    ISOMATCH_ASSIGN_OR_RETURN(const MeshPair pair,
+                              ReadPair(selection.dir, x, y));
+    ISOMATCH_RETURN_IF_ERROR(measure(pair));
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::Status RunSpeed(const SpeedSelection& selection,
+                      const MatchOptions& options,
+                      const std::string& out_path) {
+  std::printf(
+      "profile %s, %s threads, median of %d runs\n",
+      ProfileName(options.profile),
+      options.threads == 0 ? "all" : std::to_string(options.threads).c_str(),
+      selection.runs);
+  std::vector<PairCost> costs;
+  ISOMATCH_RETURN_IF_ERROR(MeasureAll(selection, options, &costs));
+  const double time =
+      Exponent(costs, [](const PairCost& cost) { return cost.run.wall; });
+  const double memory =
+      Exponent(costs, [](const PairCost& cost) { return cost.run.peak_bytes; });
+  if (time != 0) {
+    std::printf(
+        "\nfrom %d vertices on: time grows as n^%.2f, memory as n^%.2f\n",
+        kFittedFrom, time, memory);
+  }
+  nlohmann::json report = {{"profile", ProfileName(options.profile)},
+                           {"threads", options.threads},
+                           {"runs", selection.runs},
+                           {"time_exponent", time},
+                           {"memory_exponent", memory},
+                           {"kernels", PrintKernels()}};
+  for (const PairCost& cost : costs) report["pairs"].push_back(ToJson(cost));
+  if (out_path.empty()) return absl::OkStatus();
+  return WriteFileAtomically(out_path, report.dump(2) + "\n");
+}
+
+}  // namespace isomatch::bench

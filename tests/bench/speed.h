@@ -1,0 +1,29 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "core/pipeline/match_options.h"
+
+namespace isomatch::bench {
+
+struct SpeedSelection {
+  /// Vertices a side of pairs of the sample animal.
+  std::vector<int> sizes;
+  /// Folder with a pair in place of those (PairSelection::dir), or empty.
+  std::string dir;
+  std::string filter;
+  /// Runs of which the median counts.
+  int runs = 3;
+};
+
+/// Prints for each pair and stage the seconds, processor time, time by unit of
+/// work and peak memory, the estimate of it, the error, the time with both
+/// meshes prepared; then the exponents fitted over the sizes from 5,000 on, and
+/// how near single kernels come to what the machine can do. The same as JSON to
+/// `out_path` unless that is empty.
+absl::Status RunSpeed(const SpeedSelection& selection,
+                      const MatchOptions& options, const std::string& out_path);
+
+}  // namespace isomatch::bench
