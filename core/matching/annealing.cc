@@ -83,15 +83,16 @@ SwapCounts SwapPhase(const SwapOptions& options, double temperature,
 
 int RelocationSweep(int neighbors, Matching* matching) {
   int moves = 0;
+  std::vector<float> changes;
   for (int i = matching->pinned(); i < matching->size(); ++i) {
     const std::vector<int> targets = UnmatchedNear(*matching, i, neighbors);
+    matching->RelocateChanges(i, targets, &changes);
     int best = -1;
     double least = -kRounding;
-    for (const int y : targets) {
-      const double change = matching->RelocateChange(i, y);
-      if (change >= least) continue;
-      least = change;
-      best = y;
+    for (std::size_t t = 0; t < targets.size(); ++t) {
+      if (changes[t] >= least) continue;
+      least = changes[t];
+      best = targets[t];
     }
     if (best < 0) continue;
     matching->Relocate(i, best);

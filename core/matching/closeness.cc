@@ -36,17 +36,20 @@ void Closeness::Row(VertexIndex u, absl::Span<const VertexIndex> vertices,
 
 std::vector<int> ClosestOf(const float* closeness, int size, int self,
                            int count) {
-  std::vector<int> others;
-  for (int i = 0; i < size; ++i) {
-    if (i != self) others.push_back(i);
+  // Kept sorted: most entries are beaten by the last of a few and go no
+  // further. Equal ones stay in order of index, as they come in it.
+  std::vector<int> closest;
+  const auto closer = [&](int a, int b) { return closeness[a] > closeness[b]; };
+  for (int i = 0; i < size && count > 0; ++i) {
+    if (i == self) continue;
+    if (static_cast<int>(closest.size()) == count) {
+      if (!closer(i, closest.back())) continue;
+      closest.pop_back();
+    }
+    closest.insert(std::upper_bound(closest.begin(), closest.end(), i, closer),
+                   i);
   }
-  const auto end = others.begin() + std::min<std::size_t>(count, others.size());
-  std::partial_sort(others.begin(), end, others.end(), [&](int a, int b) {
-    return closeness[a] > closeness[b] ||
-           (closeness[a] == closeness[b] && a < b);
-  });
-  others.erase(end, others.end());
-  return others;
+  return closest;
 }
 
 absl::StatusOr<PointPool> PointPool::Create(const Closeness& closeness,

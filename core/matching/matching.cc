@@ -127,15 +127,19 @@ void Matching::Swap(int i, int j) {
   table.col(i).swap(table.col(j));
 }
 
-double Matching::RelocateChange(int i, int y) const {
-  float change = 0;
+void Matching::RelocateChanges(int i, const std::vector<int>& ys,
+                               std::vector<float>* changes) const {
+  changes->assign(ys.size(), 0);
   for (int j = 0; j < size(); ++j) {
     if (j == i) continue;
     const float wanted = closeness_[kX](i, j);
-    change += std::abs(wanted - rows_[kY][j][y]) -
-              std::abs(wanted - closeness_[kY](i, j));
+    const float now = std::abs(wanted - closeness_[kY](i, j));
+    const float* const row = rows_[kY][j];
+    for (std::size_t t = 0; t < ys.size(); ++t) {
+      (*changes)[t] += std::abs(wanted - row[ys[t]]) - now;
+    }
   }
-  return 2.0 * change;
+  for (float& change : *changes) change *= 2;  // each pair counts twice
 }
 
 void Matching::Relocate(int i, int y) {

@@ -87,8 +87,9 @@ class Matching {
   double SwapChange(int i, int j) const;
   void Swap(int i, int j);
 
-  /// Change of the energy if match i went to the unmatched point `y`.
-  double RelocateChange(int i, int y) const;
+  /// Change of the energy if match i went to each of the unmatched points `ys`.
+  void RelocateChanges(int i, const std::vector<int>& ys,
+                       std::vector<float>* changes) const;
   void Relocate(int i, int y);
 
   /// The energy, evaluated in full: O(size^2).

@@ -1,6 +1,10 @@
 #include "core/mesh/decimation.h"
 
+#include <algorithm>
+#include <array>
 #include <cstddef>
+#include <numeric>
+#include <utility>
 #include <vector>
 
 #include <meshoptimizer.h>
@@ -11,16 +15,42 @@ namespace {
 /// Of the mesh's extent: no limit, the count of vertices alone is one.
 constexpr float kAnyError = 1e6f;
 
-/// Vertices per face of a closed surface.
+/// Of a closed surface.
 constexpr double kFacesPerVertex = 2;
+
+using FloatPositions = Eigen::Matrix<float, Eigen::Dynamic, 3, Eigen::RowMajor>;
+
+/// meshoptimizer takes vertices at one place for one and does not collapse what
+/// is no seam there. These are different vertices: they get places of their
+/// own, a hair apart.
+void SetApart(float hair, FloatPositions* positions) {
+  std::vector<VertexIndex> order(positions->rows());
+  std::iota(order.begin(), order.end(), 0);
+  const auto place = [&](VertexIndex v) {
+    return std::array<float, 3>{(*positions)(v, 0), (*positions)(v, 1),
+                                (*positions)(v, 2)};
+  };
+  std::sort(order.begin(), order.end(), [&](VertexIndex a, VertexIndex b) {
+    return std::pair(place(a), a) < std::pair(place(b), b);
+  });
+  std::vector<VertexIndex> same;
+  for (std::size_t i = 1; i < order.size(); ++i) {
+    if (place(order[i]) == place(order[i - 1])) same.push_back(order[i]);
+  }
+  for (std::size_t i = 0; i < same.size(); ++i) {
+    constexpr std::size_t kSteps = 64;
+    (*positions)(same[i], static_cast<Eigen::Index>(i % 3)) +=
+        hair * static_cast<float>(1 + i % kSteps);
+  }
+}
 
 }  // namespace
 
 CoarseMesh Decimate(const TriangleMesh& mesh, VertexIndex target) {
   // meshoptimizer works in single precision: as near to the origin as can be.
   const Eigen::RowVector3d center = mesh.positions.colwise().mean();
-  const Eigen::Matrix<float, Eigen::Dynamic, 3, Eigen::RowMajor> positions =
-      (mesh.positions.rowwise() - center).cast<float>();
+  FloatPositions positions = (mesh.positions.rowwise() - center).cast<float>();
+  SetApart(1e-6f * positions.cwiseAbs().maxCoeff(), &positions);
   const std::vector<unsigned int> corners(
       mesh.faces.data(), mesh.faces.data() + mesh.faces.size());
   // A mesh with a boundary has fewer faces for its vertices.

@@ -13,9 +13,9 @@ struct CoarseMesh {
 
 /// Returns `mesh` with edges collapsed where that changes the surface least
 /// (Garland, Heckbert: Surface Simplification Using Quadric Error Metrics,
-/// 1997; by meshoptimizer) until about `target` vertices are left: a few more
-/// when topology, many small components or coinciding vertices forbid it.
-/// Vertices stay where they are. The result may need cleaning.
+/// 1997; by meshoptimizer) until about `target` vertices are left: more where
+/// non-manifold edges or many small components forbid it. Vertices stay where
+/// they are. The result may need cleaning.
 ///
 /// REQUIRES: `mesh` is clean, of at most 10^9 vertices. Time O(n log n), memory
 /// about 250 bytes a vertex.

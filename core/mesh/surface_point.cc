@@ -130,10 +130,14 @@ SurfacePoint NearestOnFaces(const Faces& mesh_faces,
   SurfacePoint nearest;
   double least = std::numeric_limits<double>::infinity();
   for (const VertexIndex face : faces) {
-    const auto corner = columns.col(mesh_faces(face, 0));
-    const Eigen::VectorXf u = columns.col(mesh_faces(face, 1)) - corner;
-    const Eigen::VectorXf v = columns.col(mesh_faces(face, 2)) - corner;
-    const Eigen::VectorXf w = wanted - corner;
+    // In double: what sets slivers apart from lines is lost in single products.
+    const Eigen::VectorXd corner =
+        columns.col(mesh_faces(face, 0)).cast<double>();
+    const Eigen::VectorXd u =
+        columns.col(mesh_faces(face, 1)).cast<double>() - corner;
+    const Eigen::VectorXd v =
+        columns.col(mesh_faces(face, 2)).cast<double>() - corner;
+    const Eigen::VectorXd w = wanted.cast<double>() - corner;
     const TriangleProducts products = {u.squaredNorm(), u.dot(v),
                                        v.squaredNorm(), u.dot(w),
                                        v.dot(w),        w.squaredNorm()};

@@ -28,6 +28,8 @@ constexpr double kLeastEdgesInRadius = 3;
 /// Below these, factors of the rank value are rounding.
 constexpr double kPerfectRank = 1e-8;
 constexpr double kPerfectFit = 1e-4;
+/// Of what cannot be laid out at all.
+constexpr double kNoFit = 1e6;
 
 AlignmentShape ShapeOf(const PreparedMesh& prepared) {
   const WorkingMesh& solved = prepared.solved();
@@ -166,6 +168,7 @@ absl::Status CandidateChoice::Judge(const ElasticAlignment& alignment,
                            radius_, stop_));
     misfit *= scores->descriptor_mismatch;
   }
+  if (!std::isfinite(misfit)) misfit = kNoFit;
   misfit = std::max(misfit, kPerfectFit);
   scores->rank_value =
       std::max(scores->rank_value, kPerfectRank) * misfit * misfit;
@@ -195,7 +198,7 @@ absl::StatusOr<std::unique_ptr<ElasticAlignment>> CandidateChoice::Choose(
     ISOMATCH_RETURN_IF_ERROR(RunRounds(0, rounds, report, alignment.get()));
     candidate.y_from_x = alignment->y_from_x();
     ISOMATCH_RETURN_IF_ERROR(Judge(*alignment, &candidate.scores));
-    if (candidate.scores.rank_value < least) {
+    if (best == nullptr || candidate.scores.rank_value < least) {
       least = candidate.scores.rank_value;
       best = std::move(alignment);
     }

@@ -78,8 +78,8 @@ absl::StatusOr<std::vector<WorkingLandmark>> TakeLandmarks(
   std::vector<WorkingLandmark> taken;
   std::set<VertexIndex> full_x;
   std::set<VertexIndex> full_y;
-  std::unordered_map<VertexIndex, std::size_t> taken_x;
-  std::unordered_map<VertexIndex, std::size_t> taken_y;
+  std::set<VertexIndex> taken_x;
+  std::set<VertexIndex> taken_y;
   const std::size_t given = landmarks.size();
   const std::size_t used = std::min(given, kMaxLandmarks);
   for (std::size_t k = 0; k < used; ++k) {
@@ -101,15 +101,12 @@ absl::StatusOr<std::vector<WorkingLandmark>> TakeLandmarks(
     full_y.insert(in_y);
     const VertexMatch match = {x.solved().working_from_user[landmarks[i].x],
                                y.solved().working_from_user[landmarks[i].y]};
-    const auto [at_x, new_x] = taken_x.try_emplace(match.x, taken.size());
-    const auto [at_y, new_y] = taken_y.try_emplace(match.y, taken.size());
-    if (new_x && new_y) {
-      taken.push_back({match, i});
-      continue;
-    }
-    taken[new_x ? at_y->second : at_x->second].followers.push_back(i);
-    if (new_x) taken_x.erase(at_x);
-    if (new_y) taken_y.erase(at_y);
+    const bool follows =
+        taken_x.count(match.x) > 0 || taken_y.count(match.y) > 0;
+    taken.push_back({match, i, follows});
+    if (follows) continue;
+    taken_x.insert(match.x);
+    taken_y.insert(match.y);
   }
   if (used < given) {
     warnings->push_back(absl::StrCat(used, " of ", given,

@@ -16,14 +16,14 @@ namespace isomatch {
 struct WorkingLandmark {
   VertexMatch match;
   std::size_t index;  ///< in the user's list
-  /// Others in that list that have a solved vertex in common with this one,
-  /// and so its fate.
-  std::vector<std::size_t> followers = {};
+  /// It has a solved vertex in common with an earlier one, and so takes no part
+  /// in finding the map.
+  bool follows = false;
 };
 
-/// Landmarks as solved vertices, each vertex once; at most 1000, evenly from
-/// the list. `warnings` gets what was left out. INVALID_ARGUMENT: one is on no
-/// face.
+/// Landmarks as solved vertices, each full vertex once; at most 1000, evenly
+/// from the list. `warnings` gets what was left out. INVALID_ARGUMENT: one is
+/// on no face.
 absl::StatusOr<std::vector<WorkingLandmark>> TakeLandmarks(
     absl::Span<const VertexMatch> landmarks, const PreparedMesh& x,
     const PreparedMesh& y, std::vector<std::string>* warnings);

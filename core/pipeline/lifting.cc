@@ -1,6 +1,7 @@
 #include "core/pipeline/lifting.h"
 
 #include <algorithm>
+#include <cmath>
 #include <functional>
 
 #include "core/base/parallel.h"
@@ -84,20 +85,25 @@ Images ImagesOf(const PreparedMesh& x, const PreparedMesh& y,
 }
 
 /// Moves what lies around the landmarks with them.
-void FollowLandmarks(const PreparedMesh& x, const PreparedMesh& y,
-                     absl::Span<const VertexMatch> landmarks,
-                     Positions* places) {
-  if (landmarks.empty()) return;
-  const double reach = kLandmarkReach * MeanEdgeLength(x.solved().mesh);
+absl::Status FollowLandmarks(const PreparedMesh& x, const PreparedMesh& y,
+                             absl::Span<const VertexMatch> landmarks,
+                             const std::stop_token& stop, Positions* places) {
+  if (landmarks.empty()) return absl::OkStatus();
+  // Edges of the solved mesh in the unit of the full one.
+  const double unit = x.coarse ? std::sqrt(x.coarse->working.area) : 1;
+  const double reach = kLandmarkReach * unit * MeanEdgeLength(x.solved().mesh);
   ConnectedBall ball(x.full.mesh, x.full.stars);
   Positions moves = Positions::Zero(places->rows(), 3);
   Eigen::VectorXd weights = Eigen::VectorXd::Zero(places->rows());
   for (const VertexMatch& landmark : landmarks) {
+    ISOMATCH_RETURN_IF_ERROR(CheckNotCancelled(stop));
     const Eigen::RowVector3d move =
         y.full.mesh.positions.row(landmark.y) - places->row(landmark.x);
     for (const auto& [vertex, distance] : ball.Around(landmark.x, reach)) {
-      const double nearness = 1 - distance / reach;
-      const double weight = nearness * nearness;
+      const double away = distance / reach;
+      // Next to a landmark nothing else counts; at the reach it does not.
+      constexpr double kTiny = 1e-6;
+      const double weight = (1 - away) * (1 - away) / (away * away + kTiny);
       moves.row(vertex) += weight * move;
       weights[vertex] += weight;
     }
@@ -106,6 +112,7 @@ void FollowLandmarks(const PreparedMesh& x, const PreparedMesh& y,
   for (Eigen::Index v = 0; v < places->rows(); ++v) {
     places->row(v) += moves.row(v) / std::max(weights[v], 1.0);
   }
+  return absl::OkStatus();
 }
 
 /// X's full mesh laid on that of Y.
@@ -152,7 +159,8 @@ absl::StatusOr<LiftedMap> LiftMap(const PreparedMesh& x, const PreparedMesh& y,
   const Images images = ImagesOf(x, y, points);
   ISOMATCH_ASSIGN_OR_RETURN(TriangleMesh laid_out,
                             LayOut(x, embedding, images.places, stop));
-  FollowLandmarks(x, y, landmarks, &laid_out.positions);
+  ISOMATCH_RETURN_IF_ERROR(
+      FollowLandmarks(x, y, landmarks, stop, &laid_out.positions));
   const bool oriented = x.full.oriented && y.full.oriented;
   const PointColumns columns_x = Describe(laid_out, oriented);
   const PointColumns columns_y = Describe(y.full.mesh, oriented);

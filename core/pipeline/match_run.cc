@@ -55,6 +55,11 @@ class Matcher {
     ISOMATCH_ASSIGN_OR_RETURN(
         landmarks_, TakeLandmarks(user_landmarks_, shape(kX), shape(kY),
                                   &result_.warnings));
+    const auto followers = std::stable_partition(
+        landmarks_.begin(), landmarks_.end(),
+        [](const WorkingLandmark& landmark) { return !landmark.follows; });
+    followers_.assign(followers, landmarks_.end());
+    landmarks_.erase(followers, landmarks_.end());
     ISOMATCH_RETURN_IF_ERROR(Pools());
     ISOMATCH_RETURN_IF_ERROR(FirstInsertion());
     ISOMATCH_RETURN_IF_ERROR(SecondInsertion());
@@ -265,7 +270,8 @@ class Matcher {
   void SettleLandmarks() {
     result_.landmarks.assign(user_landmarks_.size(), {});
     std::vector<char> used(user_landmarks_.size(), false);
-    for (const auto& [match, index, followers] : landmarks_) {
+    const auto settle = [&](const WorkingLandmark& landmark) {
+      const auto& [match, index, follows] = landmark;
       LandmarkOutcome& outcome = result_.landmarks[index];
       const VertexIndex found = best().y_from_x[match.x];
       const float distance =
@@ -275,13 +281,12 @@ class Matcher {
                          kUnreachable);
       outcome.kept = options_.landmarks_exact || distance <= kLandmarkTolerance;
       outcome.distance = outcome.kept ? 0 : distance;
-      if (outcome.kept) best().y_from_x[match.x] = match.y;
+      if (outcome.kept && !follows) best().y_from_x[match.x] = match.y;
       used[index] = true;
-      for (const std::size_t follower : followers) {
-        result_.landmarks[follower] = outcome;
-        used[follower] = true;
-      }
-    }
+    };
+    // Those that follow are judged by the map before the others change it.
+    for (const WorkingLandmark& landmark : followers_) settle(landmark);
+    for (const WorkingLandmark& landmark : landmarks_) settle(landmark);
     for (std::size_t i = 0; i < used.size(); ++i) {
       if (!used[i]) result_.landmarks[i].kept = false;
     }
@@ -454,6 +459,7 @@ class Matcher {
   std::array<const PreparedMesh*, 2> shapes_;
   std::optional<PreparedMesh> reflected_;  ///< X, where that is matched
   std::vector<WorkingLandmark> landmarks_;
+  std::vector<WorkingLandmark> followers_;  ///< WorkingLandmark::follows
   std::array<std::optional<Closeness>, 2> closeness_;
   std::array<PointPool, 2> pools_;
   std::array<CandidateSearch, 2> search_;

@@ -12,6 +12,7 @@
 #include "core/pipeline/matcher.h"
 #include "core/pipeline/prepared_mesh.h"
 #include "core/pipeline/stage_plan.h"
+#include "core/spectral/spectral_basis.h"
 
 namespace isomatch {
 namespace {
@@ -54,7 +55,8 @@ double PoolSize(MeshSize mesh, std::int64_t num_landmarks,
 
 double LanczosBytes(double n, double m, double count) {
   // Krylov vectors and their rotated copy, eigenvectors and their copy.
-  const double vectors = 8 * n * (1.5 * (2 * count + 20) + 2 * count);
+  const double vectors =
+      8 * n * (1.5 * LanczosSubspace(static_cast<int>(count)) + 2 * count);
   // Triplets, stiffness in three forms, the factor: nested growth of about
   // 3 log2(n) entries a row on surfaces.
   const double matrices =
@@ -121,13 +123,19 @@ MeshSize SolvedSize(MeshSize mesh, const MatchOptions& options) {
   return {vertices, 2 * vertices};
 }
 
-/// What a decimated mesh takes beside the one solved on.
-double FullBytes(MeshSize mesh, const MatchOptions& options) {
-  if (!IsDecimated(mesh.vertices, options)) return 0;
-  // The mesh clean and as given, normals, stars and maps; then decimation, or
-  // at the end what lies where on the other shape.
-  return 300.0 * static_cast<double>(mesh.vertices) +
-         90.0 * static_cast<double>(mesh.faces);
+/// What a decimated mesh takes beside the one solved on: at first while it is
+/// cleaned and decimated, then to the end, with a mirror image if that is what
+/// is matched, and what lies where on the other shape.
+struct FullBytes {
+  double at_first = 0;
+  double later = 0;
+};
+
+FullBytes FullBytesOf(MeshSize mesh, const MatchOptions& options) {
+  if (!IsDecimated(mesh.vertices, options)) return {};
+  const double n = static_cast<double>(mesh.vertices);
+  const double m = static_cast<double>(mesh.faces);
+  return {220 * n + 110 * m, 200 * n + 60 * m};
 }
 
 double Threads(const MatchOptions& options) {
@@ -141,7 +149,8 @@ double Threads(const MatchOptions& options) {
 std::int64_t EstimateMemoryBytes(MeshSize x, MeshSize y,
                                  std::int64_t num_landmarks,
                                  const MatchOptions& options) {
-  const double full = FullBytes(x, options) + FullBytes(y, options);
+  const FullBytes full_x = FullBytesOf(x, options);
+  const FullBytes full_y = FullBytesOf(y, options);
   x = SolvedSize(x, options);
   y = SolvedSize(y, options);
   const ShapeBytes bytes_x = BytesOf(x, num_landmarks, options);
@@ -170,7 +179,9 @@ std::int64_t EstimateMemoryBytes(MeshSize x, MeshSize y,
           kBallPerVertex * n * threads + both(&ShapeBytes::alignment),
   });
   constexpr double kLargest = 9e18;
-  return static_cast<std::int64_t>(std::min(full + peak + kFixed, kLargest));
+  const double with_full = std::max(full_x.at_first + full_y.at_first,
+                                    full_x.later + full_y.later + peak);
+  return static_cast<std::int64_t>(std::min(with_full + kFixed, kLargest));
 }
 
 }  // namespace isomatch

@@ -104,6 +104,7 @@ void Normalise(WorkingMesh* working) {
 absl::StatusOr<WorkingMesh> MakeWorkingMesh(const TriangleMesh& mesh,
                                             const std::stop_token& stop) {
   CleanMesh clean = Clean(mesh);
+  ISOMATCH_RETURN_IF_ERROR(CheckNotCancelled(stop));
   const Components components = ConnectedComponents(clean.mesh);
   Selected selected = SelectVertices(clean.mesh, components,
                                      TakingPart(clean.mesh, components));
@@ -125,6 +126,7 @@ absl::StatusOr<WorkingMesh> MakeWorkingMesh(const TriangleMesh& mesh,
         selected.left_out.size(),
         " vertices of small components follow the nearest larger one"));
   }
+  ISOMATCH_RETURN_IF_ERROR(CheckNotCancelled(stop));
   Normalise(&working);
   working.normals = VertexNormals(working.mesh);
   working.stars = VertexStars(working.mesh);
@@ -132,6 +134,58 @@ absl::StatusOr<WorkingMesh> MakeWorkingMesh(const TriangleMesh& mesh,
 }
 
 namespace {
+
+/// For each full vertex a vertex of the coarse working mesh near it: over
+/// edges, or in space where none lead to one.
+absl::StatusOr<VertexMap> NearestCoarse(const WorkingMesh& full,
+                                        const CoarseMesh& decimated,
+                                        const VertexMap& working_from_decimated,
+                                        const std::stop_token& stop) {
+  VertexMap in_full;
+  VertexMap in_working;
+  for (std::size_t d = 0; d < working_from_decimated.size(); ++d) {
+    if (working_from_decimated[d] == kNoVertex) continue;
+    in_full.push_back(decimated.fine_from_coarse[d]);
+    in_working.push_back(working_from_decimated[d]);
+  }
+  VertexMap nearest =
+      NearestByEdges(full.stars, full.mesh.num_vertices(), in_full);
+  VertexMap lost;
+  for (VertexIndex v = 0; v < full.mesh.num_vertices(); ++v) {
+    if (nearest[v] == kNoVertex) lost.push_back(v);
+  }
+  if (!lost.empty()) {
+    ISOMATCH_ASSIGN_OR_RETURN(
+        const VertexMap in_space,
+        NearestVertices(full.mesh.positions, lost, in_full, stop));
+    for (std::size_t i = 0; i < lost.size(); ++i) {
+      nearest[lost[i]] = in_space[i];
+    }
+  }
+  for (VertexIndex& v : nearest) v = in_working[v];
+  return nearest;
+}
+
+/// Cleaning chooses the outward side of each component by its volume, which on
+/// open surfaces may differ between the levels: the full mesh decides.
+void OrientAs(const WorkingMesh& full, CoarseLevel* coarse) {
+  WorkingMesh& working = coarse->working;
+  const Components components = ConnectedComponents(working.mesh);
+  std::vector<double> agreement(components.count, 0);
+  for (VertexIndex v = 0; v < working.mesh.num_vertices(); ++v) {
+    agreement[components.of_vertex[v]] += working.normals.row(v).dot(
+        full.normals.row(coarse->full_from_coarse[v]));
+  }
+  Faces& faces = working.mesh.faces;
+  for (VertexIndex f = 0; f < working.mesh.num_faces(); ++f) {
+    if (agreement[components.of_vertex[faces(f, 0)]] >= 0) continue;
+    std::swap(faces(f, 1), faces(f, 2));
+  }
+  working.normals = VertexNormals(working.mesh);
+}
+
+/// More than this many times the vertices asked for is worth a warning.
+constexpr double kDecimatedWell = 1.5;
 
 absl::StatusOr<CoarseLevel> MakeCoarse(const WorkingMesh& full,
                                        VertexIndex vertices,
@@ -141,19 +195,16 @@ absl::StatusOr<CoarseLevel> MakeCoarse(const WorkingMesh& full,
   CoarseLevel coarse;
   ISOMATCH_ASSIGN_OR_RETURN(coarse.working,
                             MakeWorkingMesh(decimated.mesh, stop));
-  // Its "user" is the decimated mesh so far. Every full vertex is near a vertex
-  // of that, and each of those is or has one that stands for it.
-  VertexMap nearest = NearestByEdges(full.stars, full.mesh.num_vertices(),
-                                     decimated.fine_from_coarse);
-  for (VertexIndex& v : nearest) {
-    v = std::max<VertexIndex>(
-        v == kNoVertex ? 0 : coarse.working.working_from_user[v], 0);
-  }
+  // Its "user" is the decimated mesh so far.
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const VertexMap nearest,
+      NearestCoarse(full, decimated, coarse.working.working_from_user, stop));
   for (VertexIndex& v : coarse.working.user_from_working) {
     const VertexIndex in_full = decimated.fine_from_coarse[v];
     coarse.full_from_coarse.push_back(in_full);
     v = full.user_from_working[in_full];
   }
+  OrientAs(full, &coarse);
   coarse.working.working_from_user.clear();
   for (const VertexIndex v : full.working_from_user) {
     coarse.working.working_from_user.push_back(v == kNoVertex ? kNoVertex
@@ -193,6 +244,17 @@ absl::Status PrepareSurface(const TriangleMesh& mesh,
   ISOMATCH_ASSIGN_OR_RETURN(
       prepared->coarse,
       MakeCoarse(prepared->full, options.solved_vertices, stop));
+  const VertexIndex left = prepared->solved().mesh.num_vertices();
+  if (left > kDecimatedWell * options.solved_vertices) {
+    prepared->full.warnings.push_back(absl::StrCat(
+        "could be decimated to ", left, " vertices only, not ",
+        options.solved_vertices, ": matching takes longer and more memory"));
+  }
+  if (prepared->full.oriented && !prepared->solved().oriented) {
+    prepared->full.warnings.push_back(
+        "lost its consistent orientation when decimated: mirrored maps are not "
+        "told apart");
+  }
   return absl::OkStatus();
 }
 

@@ -1,3 +1,6 @@
+#include <algorithm>
+#include <bit>
+#include <cmath>
 #include <cstdint>
 #include <cstring>
 #include <memory>
@@ -11,16 +14,20 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "core/base/version.h"
+#include "core/descriptor/shot_descriptor.h"
+#include "core/pipeline/component_matching.h"
 #include "core/pipeline/prepared_shape.h"
 
-// Layout, all little-endian: the magic with the version of Isomatch, a CRC-32
-// of what follows, then the values in the order of Fields below. Containers are
-// their sizes (int64) and their entries. What follows from the mesh by sorting
-// and counting alone is not there; a CRC-32 of the solved mesh tells whether it
-// came out as it was.
+// Layout, in the order of bytes of x86 and ARM: the magic with the version of
+// Isomatch, a CRC-32 of what follows, then the values in the order of Fields
+// below. Containers are their sizes (int64) and their entries. What follows
+// from the mesh by sorting and counting alone is not there; a CRC-32 of the
+// solved mesh tells whether it came out as it was.
 
 namespace isomatch {
 namespace {
+
+static_assert(std::endian::native == std::endian::little);
 
 std::string Magic() {
   return absl::StrCat("isomatch-prepared ", kVersion, " ");
@@ -81,8 +88,8 @@ class Reader {
       using Scalar = typename T::Scalar;
       const bool fits_type = T::ColsAtCompileTime == Eigen::Dynamic ||
                              T::ColsAtCompileTime == cols;
-      if (!fits_type || cols < 0 || rows < 0 ||
-          (rows > 0 && cols > Room<Scalar>() / rows)) {
+      if (!fits_type || cols < 0 || rows < 0 || rows > Room<Scalar>() ||
+          cols > Room<Scalar>() || (rows > 0 && cols > Room<Scalar>() / rows)) {
         ok_ = false;
         return;
       }
@@ -147,7 +154,6 @@ void Fields(Visitor& visit, Contents& contents, Basis& basis, Crc& crc) {
   visit(contents.key.eigenpairs);
   visit(contents.key.curvature_radius);
   visit(contents.key.descriptor_radius);
-  visit(contents.large_components);
   visit(contents.mesh.positions);
   visit(contents.mesh.faces);
   visit(crc);
@@ -161,8 +167,78 @@ void Fields(Visitor& visit, Contents& contents, Basis& basis, Crc& crc) {
   visit(prepared.curvature);
   visit(prepared.descriptors.vertices);
   visit(prepared.descriptors.columns);
-  visit(prepared.descriptors.column_of_vertex);
   visit(prepared.descriptor_radius);
+}
+
+bool Distinct(const std::vector<VertexIndex>& vertices, VertexIndex n) {
+  std::vector<char> seen(n, false);
+  for (const VertexIndex v : vertices) {
+    if (v < 0 || v >= n || seen[v]) return false;
+    seen[v] = true;
+  }
+  return true;
+}
+
+bool IsDistance(float value) { return value >= 0 && value <= kUnreachable; }
+
+/// A checksum keeps accidents out, not a file made to do harm: whatever is used
+/// as an index or a size is compared with the mesh, numbers must be finite.
+bool Consistent(const PreparedShape::Contents& contents,
+                const BasisParts& basis) {
+  const PreparedMesh& prepared = contents.prepared;
+  const VertexIndex n = prepared.solved().mesh.num_vertices();
+  const std::vector<VertexIndex>& farthest = prepared.hash.farthest_points;
+  if (basis.num_vertices != n ||
+      static_cast<int>(basis.points.size()) != BasisPoints::DefaultCount(n) ||
+      basis.fields.size() != std::size_t(n) * basis.points.size() ||
+      !std::all_of(basis.fields.begin(), basis.fields.end(), IsDistance)) {
+    return false;
+  }
+  if (!Distinct(farthest, n) || farthest.size() < basis.points.size() ||
+      !std::equal(basis.points.begin(), basis.points.end(), farthest.begin())) {
+    return false;
+  }
+  const SpectralBasis& spectral = prepared.spectral;
+  const Eigen::Index pairs = std::min<Eigen::Index>(contents.key.eigenpairs, n);
+  if (spectral.eigenvalues.size() != pairs ||
+      spectral.functions.cols() != pairs ||
+      (pairs > 0 && spectral.functions.rows() != n) ||
+      !spectral.eigenvalues.allFinite() || !spectral.functions.allFinite() ||
+      prepared.curvature.size() != n || !prepared.curvature.allFinite()) {
+    return false;
+  }
+  const ShapeDescriptors& descriptors = prepared.descriptors;
+  const bool described =
+      prepared.solved().oriented && contents.key.descriptor_radius > 0;
+  if (!described) return descriptors.vertices.empty();
+  return !descriptors.vertices.empty() && Distinct(descriptors.vertices, n) &&
+         descriptors.columns.rows() == kShotSize &&
+         descriptors.columns.cols() ==
+             static_cast<Eigen::Index>(descriptors.vertices.size()) &&
+         descriptors.columns.allFinite() &&
+         prepared.descriptor_radius >= contents.key.descriptor_radius &&
+         std::isfinite(prepared.descriptor_radius);
+}
+
+/// What of the rest follows from what was read.
+void Complete(BasisParts basis, PreparedShape::Contents* contents) {
+  PreparedMesh& prepared = contents->prepared;
+  prepared.hash.basis = BasisPoints::FromFields(
+      std::move(basis.points), basis.num_vertices, std::move(basis.fields));
+  prepared.laplacian = BuildCotanLaplacian(prepared.solved().mesh);
+  if (contents->key.eigenpairs > 0) {
+    prepared.spectral.mass = prepared.laplacian.mass;
+  }
+  ShapeDescriptors& descriptors = prepared.descriptors;
+  if (!descriptors.vertices.empty()) {
+    descriptors.column_of_vertex.assign(prepared.solved().mesh.num_vertices(),
+                                        -1);
+  }
+  for (std::size_t i = 0; i < descriptors.vertices.size(); ++i) {
+    descriptors.column_of_vertex[descriptors.vertices[i]] = static_cast<int>(i);
+  }
+  contents->large_components =
+      static_cast<std::int32_t>(SplitIntoParts(contents->mesh).large.size());
 }
 
 }  // namespace
@@ -211,7 +287,12 @@ absl::StatusOr<PreparedShape> ParsePreparedShape(absl::string_view bytes,
   PreparedMesh& prepared = contents->prepared;
   MatchOptions options;
   options.solved_vertices = contents->key.solved_vertices;
-  ISOMATCH_RETURN_IF_ERROR(ValidateMesh(contents->mesh, "prepared shape"));
+  const absl::Status valid = options.Validate();
+  const absl::Status valid_mesh = ValidateMesh(contents->mesh, "mesh");
+  if (!valid.ok() || !valid_mesh.ok()) {
+    return absl::DataLossError(absl::StrCat(
+        "prepared shape: ", (valid.ok() ? valid_mesh : valid).message()));
+  }
   ISOMATCH_RETURN_IF_ERROR(
       PrepareSurface(contents->mesh, options, stop, &prepared));
   if (CrcOf(prepared.solved().mesh) != crc) {
@@ -219,10 +300,10 @@ absl::StatusOr<PreparedShape> ParsePreparedShape(absl::string_view bytes,
         "prepared shape: the mesh is cleaned or decimated otherwise here than "
         "where it was prepared");
   }
-  prepared.hash.basis = BasisPoints::FromFields(
-      std::move(basis.points), basis.num_vertices, std::move(basis.fields));
-  prepared.laplacian = BuildCotanLaplacian(prepared.solved().mesh);
-  prepared.spectral.mass = prepared.laplacian.mass;
+  if (!Consistent(*contents, basis)) {
+    return absl::DataLossError("prepared shape: the parts do not fit");
+  }
+  Complete(std::move(basis), contents.get());
   return PreparedShape(std::move(contents));
 }
 

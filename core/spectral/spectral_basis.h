@@ -22,6 +22,9 @@ struct SpectralBasis {
   int size() const { return static_cast<int>(eigenvalues.size()); }
 };
 
+/// Vectors that Lanczos holds to find `count` pairs.
+int LanczosSubspace(int count);
+
 /// Returns the `count` lowest pairs, or all n when there are fewer, of
 /// L phi = lambda M phi: shift-invert Lanczos (Spectra) on M^-1/2 L M^-1/2,
 /// the factorisation by Eigen's sparse Cholesky; small meshes are solved

@@ -60,10 +60,10 @@ KernelCost Eigenpairs(const TriangleMesh& mesh, int count) {
   const double seconds = BestSeconds([&] {
     ComputeSpectralBasis(laplacian, count, {}).status().IgnoreError();
   });
-  // One sweep of Lanczos orthogonalises 2 count + 20 vectors, each against all
-  // before it, there and back.
+  // One sweep of Lanczos orthogonalises its vectors, each against all before
+  // it, there and back.
   const double n = mesh.num_vertices();
-  const double subspace = 2 * count + 20;
+  const double subspace = LanczosSubspace(count);
   return {"eigenpairs", "vertex and pair", 1e9 * seconds / (n * count),
           1e-9 * 2 * n * subspace * subspace / seconds, true};
 }

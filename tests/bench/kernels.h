@@ -14,8 +14,8 @@ struct KernelCost {
   bool is_arithmetic = true;
 };
 
-/// Distance fields, nearest columns and matching near an image by descriptors,
-/// on meshes of as many vertices as the default profile solves on.
+/// Distance fields, nearest columns and eigenpairs, on as many vertices as the
+/// default profile solves on.
 std::vector<KernelCost> MeasureKernels();
 
 }  // namespace isomatch::bench

@@ -177,9 +177,9 @@ absl::StatusOr<MeshPair> SamplePair(int vertices) {
 /// Vertices that a stage works on, times sources for the distance fields.
 double UnitsOf(Stage stage, const PairCost& cost, const MatchOptions& options) {
   if (stage != Stage::kGeodesics) return 2.0 * cost.vertices;
-  const int solved = options.solved_vertices > 0
-                         ? std::min(cost.vertices, options.solved_vertices)
-                         : cost.vertices;
+  const bool decimated = options.solved_vertices > 0 &&
+                         cost.vertices > 1.1 * options.solved_vertices;
+  const int solved = decimated ? options.solved_vertices : cost.vertices;
   return 2.0 * solved * BasisPoints::DefaultCount(solved);
 }
 

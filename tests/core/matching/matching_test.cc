@@ -71,7 +71,9 @@ TEST_P(MatchingTest, ChangesAreThoseOfAFullEvaluation) {
       matching_.Swap(i, j);
     } else {
       const int y = RandomUnmatched(kY);
-      change = matching_.RelocateChange(i, y);
+      std::vector<float> changes;
+      matching_.RelocateChanges(i, {RandomUnmatched(kY), y}, &changes);
+      change = changes[1];
       matching_.Relocate(i, y);
     }
     ASSERT_NEAR(change, Expected() - before, kRounding) << "step " << step;

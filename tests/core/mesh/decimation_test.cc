@@ -66,5 +66,16 @@ TEST(DecimateTest, KeepsTheBoundaryOfAnOpenMesh) {
   EXPECT_NEAR(SurfaceArea(coarse), 6, 1e-6);
 }
 
+TEST(DecimateTest, CoincidingShellsAreDecimatedAsWell) {
+  // Two closed surfaces at one place, as a coat modelled twice.
+  const TriangleMesh one = FiveArms(4);
+  TriangleMesh two;
+  two.positions.resize(2 * one.num_vertices(), 3);
+  two.positions << one.positions, one.positions;
+  two.faces.resize(2 * one.num_faces(), 3);
+  two.faces << one.faces, one.faces.array() + VertexIndex{one.num_vertices()};
+  EXPECT_NEAR(Decimate(two, 800).mesh.num_vertices(), 800, 40);
+}
+
 }  // namespace
 }  // namespace isomatch

@@ -1,6 +1,6 @@
 #include "core/pipeline/lifting.h"
 
-#include <numeric>
+#include <cmath>
 
 #include <gtest/gtest.h>
 
@@ -209,6 +209,46 @@ TEST_F(DecimatedMatchTest, AFewLandmarksChooseTheMirroredMap) {
                  .norm();
   }
   EXPECT_LT(error / body.num_vertices(), 3 * MeanEdgeLength(body));
+}
+
+TEST_F(DecimatedMatchTest, AWrongLandmarkNextToARightOneIsNotKept) {
+  // Both share a vertex of the decimated mesh.
+  MatchOptions options = Options();
+  PreparedMesh prepared;
+  ASSERT_THAT(PrepareSurface(x_, options, {}, &prepared), IsOk());
+  const VertexMap& solved = prepared.solved().working_from_user;
+  VertexIndex other = 1;
+  while (other == 0 || solved[other] != solved[0]) ++other;
+  Eigen::Index far = 0;
+  (x_.positions.rowwise() - x_.positions.row(0))
+      .rowwise()
+      .norm()
+      .maxCoeff(&far);
+  const std::vector<Landmark> landmarks = {
+      {0, 0}, {other, static_cast<VertexIndex>(far)}};
+  const auto found = Match(x_, y_, landmarks, options);
+  ASSERT_THAT(found, IsOk());
+  EXPECT_TRUE(found->landmarks[0].kept);
+  EXPECT_FALSE(found->landmarks[1].kept);
+  EXPECT_NE(found->y_from_x[other], static_cast<VertexIndex>(far));
+}
+
+TEST_F(DecimatedMatchTest, AnOpenSheetKeepsTheSideItFaces) {
+  // Its enclosed volume is next to nothing: cleaning may turn either level.
+  TriangleMesh sheet = PlaneGrid(60, 50, 3, 2);
+  for (VertexIndex v = 0; v < sheet.num_vertices(); ++v) {
+    sheet.positions(v, 2) = 0.1 * std::sin(3 * sheet.positions(v, 0)) *
+                            std::cos(2 * sheet.positions(v, 1));
+  }
+  PreparedMesh prepared;
+  ASSERT_THAT(PrepareSurface(sheet, Options(), {}, &prepared), IsOk());
+  ASSERT_TRUE(prepared.coarse.has_value());
+  const WorkingMesh& solved = prepared.solved();
+  for (VertexIndex v = 0; v < solved.mesh.num_vertices(); ++v) {
+    EXPECT_GT(solved.normals.row(v).dot(prepared.full.normals.row(
+                  prepared.coarse->full_from_coarse[v])),
+              0.5);
+  }
 }
 
 }  // namespace

@@ -1,6 +1,9 @@
+#include <cstdint>
+#include <cstring>
 #include <string>
 
 #include <gtest/gtest.h>
+#include <boost/crc.hpp>
 
 #include "core/pipeline/matcher.h"
 #include "tests/support/dirty_meshes.h"
@@ -142,6 +145,30 @@ TEST_P(PreparedShapeTest, RefusesBytesThatAreCutOrChanged) {
   EXPECT_THAT(ParsePreparedShape(bytes + "x").status(), is_data_loss);
   bytes[bytes.size() / 3] ^= 1;
   EXPECT_THAT(ParsePreparedShape(bytes).status(), is_data_loss);
+}
+
+TEST_P(PreparedShapeTest, RefusesPartsThatDoNotFit) {
+  // Whoever writes the checksum anew gets no further.
+  const std::string bytes = SerializePreparedShape(Prepared(x_));
+  const std::size_t begin = bytes.find(" ", bytes.find(" ") + 1) + 1 + 4;
+  int refused = 0;
+  for (std::size_t at = begin; at + 8 < bytes.size(); at += bytes.size() / 97) {
+    std::string hostile = bytes;
+    for (std::size_t i = 0; i < 8; ++i) hostile[at + i] = '\xff';
+    boost::crc_32_type crc;
+    crc.process_bytes(hostile.data() + begin, hostile.size() - begin);
+    const std::uint32_t checksum = crc.checksum();
+    std::memcpy(hostile.data() + begin - 4, &checksum, 4);
+    const auto read = ParsePreparedShape(hostile);
+    if (read.ok()) {
+      // A finite number for another: wrong, but no harm.
+      EXPECT_THAT(Match(*read, *read, {}, options_), IsOk());
+    } else {
+      EXPECT_EQ(read.status().code(), absl::StatusCode::kDataLoss);
+      ++refused;
+    }
+  }
+  EXPECT_GT(refused, 80);
 }
 
 TEST_P(PreparedShapeTest, NamesWhatIsWrongWithAMesh) {
