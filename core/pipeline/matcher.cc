@@ -144,12 +144,10 @@ absl::StatusOr<PreparedShape> Prepare(TriangleMesh mesh,
   return shape;
 }
 
-absl::StatusOr<Correspondence> Match(const PreparedShape& x,
-                                     const PreparedShape& y,
-                                     absl::Span<const Landmark> landmarks,
-                                     const MatchOptions& options,
-                                     const ProgressCallback& progress,
-                                     std::stop_token stop) {
+absl::StatusOr<Correspondence> MatchPrepared(
+    const PreparedShape& x, const PreparedShape& y,
+    absl::Span<const Landmark> landmarks, const MatchOptions& options,
+    const ProgressCallback& progress, std::stop_token stop) {
   ISOMATCH_RETURN_IF_ERROR(options.Validate());
   const PreparedShape::Contents& own_x = x.contents();
   const PreparedShape::Contents& own_y = y.contents();

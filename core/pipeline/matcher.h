@@ -211,16 +211,14 @@ absl::StatusOr<PreparedShape> Prepare(TriangleMesh mesh,
                                       const ProgressCallback& progress = {},
                                       std::stop_token stop = {});
 
-/// Match of prepared shapes: the same result as of their meshes.
+/// Match, of prepared shapes: the same result as of their meshes.
 /// INVALID_ARGUMENT also when one was prepared for other options; the message
 /// names the option. Meshes of several large components, which are matched one
 /// by one, are prepared anew.
-absl::StatusOr<Correspondence> Match(const PreparedShape& x,
-                                     const PreparedShape& y,
-                                     absl::Span<const Landmark> landmarks,
-                                     const MatchOptions& options,
-                                     const ProgressCallback& progress = {},
-                                     std::stop_token stop = {});
+absl::StatusOr<Correspondence> MatchPrepared(
+    const PreparedShape& x, const PreparedShape& y,
+    absl::Span<const Landmark> landmarks, const MatchOptions& options,
+    const ProgressCallback& progress = {}, std::stop_token stop = {});
 
 /// A prepared shape as bytes, for ParsePreparedShape of the same version of
 /// Isomatch: about 2.7 kB for each solved vertex and 48 bytes for each other.

@@ -1,8 +1,6 @@
 #include "tests/bench/kernels.h"
 
-#include <algorithm>
-#include <cmath>
-#include <functional>
+#include <string>
 
 #include "client/sample_animal.h"
 #include "core/base/nearest_columns.h"
@@ -16,18 +14,6 @@
 
 namespace isomatch::bench {
 namespace {
-
-constexpr int kTries = 3;
-
-double BestSeconds(const std::function<void()>& body) {
-  double best = INFINITY;
-  for (int i = 0; i < kTries; ++i) {
-    const double begin = WallSeconds();
-    body();
-    best = std::min(best, WallSeconds() - begin);
-  }
-  return best;
-}
 
 KernelCost DistanceFields(const TriangleMesh& mesh) {
   const DistanceFieldSolver solver(mesh);

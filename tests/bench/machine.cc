@@ -18,7 +18,6 @@
 namespace isomatch::bench {
 namespace {
 
-constexpr int kTries = 3;
 constexpr std::int64_t kBlocks = 64;
 
 /// A figure of /proc/self/status in bytes.
@@ -30,16 +29,6 @@ std::int64_t StatusBytes(const std::string& name) {
     if (word == name + ":" && status >> kilobytes) return 1024 * kilobytes;
   }
   return 0;
-}
-
-double BestSeconds(const std::function<void()>& body) {
-  double best = INFINITY;
-  for (int i = 0; i < kTries; ++i) {
-    const double begin = WallSeconds();
-    body();
-    best = std::min(best, WallSeconds() - begin);
-  }
-  return best;
 }
 
 double Seconds(const timeval& time) {
@@ -58,6 +47,17 @@ double CpuSeconds() {
   rusage usage;
   getrusage(RUSAGE_SELF, &usage);
   return Seconds(usage.ru_utime) + Seconds(usage.ru_stime);
+}
+
+double BestSeconds(const std::function<void()>& body) {
+  constexpr int kTries = 3;
+  double best = INFINITY;
+  for (int i = 0; i < kTries; ++i) {
+    const double begin = WallSeconds();
+    body();
+    best = std::min(best, WallSeconds() - begin);
+  }
+  return best;
 }
 
 std::int64_t ResidentBytes() { return StatusBytes("VmRSS"); }

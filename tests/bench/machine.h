@@ -1,12 +1,16 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 
 namespace isomatch::bench {
 
 /// Seconds since some moment, and of processor time over all threads.
 double WallSeconds();
 double CpuSeconds();
+
+/// Wall seconds of the quickest of three runs.
+double BestSeconds(const std::function<void()>& body);
 
 /// Bytes this process holds in memory now, and the most it held since the last
 /// reset (Linux; 0 elsewhere).

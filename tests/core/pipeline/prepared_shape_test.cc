@@ -52,7 +52,7 @@ INSTANTIATE_TEST_SUITE_P(Solved, PreparedShapeTest, testing::Values(700, 0));
 TEST_P(PreparedShapeTest, GivesTheSameResultAsTheMeshes) {
   const auto direct = Match(x_, y_, {}, options_);
   ASSERT_THAT(direct, IsOk());
-  const auto prepared = Match(Prepared(x_), Prepared(y_), {}, options_);
+  const auto prepared = MatchPrepared(Prepared(x_), Prepared(y_), {}, options_);
   ASSERT_THAT(prepared, IsOk());
   ExpectSame(*direct, *prepared);
 }
@@ -64,8 +64,8 @@ TEST_P(PreparedShapeTest, SurvivesSerialisation) {
   const auto read = ParsePreparedShape(bytes);
   ASSERT_THAT(read, IsOk());
   EXPECT_EQ(SerializePreparedShape(*read), bytes);
-  const auto before = Match(x, y, {}, options_);
-  const auto after = Match(x, *read, {}, options_);
+  const auto before = MatchPrepared(x, y, {}, options_);
+  const auto after = MatchPrepared(x, *read, {}, options_);
   ASSERT_THAT(before, IsOk());
   ASSERT_THAT(after, IsOk());
   ExpectSame(*before, *after);
@@ -86,14 +86,14 @@ TEST_P(PreparedShapeTest, ServesLandmarksOnEitherSideOfASymmetry) {
   MatchOptions options = options_;
   options.landmarks_exact = true;
   const auto direct = Match(body, body, landmarks, options);
-  const auto prepared = Match(shape, shape, landmarks, options);
+  const auto prepared = MatchPrepared(shape, shape, landmarks, options);
   ASSERT_THAT(direct, IsOk());
   ASSERT_THAT(prepared, IsOk());
   ASSERT_LT(direct->scores.orientation_score, 0);
   ExpectSame(*direct, *prepared);
   // And leaves it as it was.
   ExpectSame(*Match(body, body, {}, options_),
-             *Match(shape, shape, {}, options_));
+             *MatchPrepared(shape, shape, {}, options_));
 }
 
 TEST_P(PreparedShapeTest, MeshesOfSeveralComponentsMatchAsWell) {
@@ -102,7 +102,8 @@ TEST_P(PreparedShapeTest, MeshesOfSeveralComponentsMatchAsWell) {
              x_.num_vertices())
           .mesh;
   const auto direct = Match(two, two, {}, options_);
-  const auto prepared = Match(Prepared(two), Prepared(two), {}, options_);
+  const auto prepared =
+      MatchPrepared(Prepared(two), Prepared(two), {}, options_);
   ASSERT_THAT(direct, IsOk());
   ASSERT_THAT(prepared, IsOk());
   ExpectSame(*direct, *prepared);
@@ -113,7 +114,7 @@ TEST_P(PreparedShapeTest, RefusesOtherOptionsThanItWasPreparedFor) {
   const auto with = [&](auto change) {
     MatchOptions options = options_;
     change(options);
-    return Match(x, x, {}, options).status();
+    return MatchPrepared(x, x, {}, options).status();
   };
   const auto names = [](const char* option) {
     return StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr(option));
@@ -162,7 +163,7 @@ TEST_P(PreparedShapeTest, RefusesPartsThatDoNotFit) {
     const auto read = ParsePreparedShape(hostile);
     if (read.ok()) {
       // A finite number for another: wrong, but no harm.
-      EXPECT_THAT(Match(*read, *read, {}, options_), IsOk());
+      EXPECT_THAT(MatchPrepared(*read, *read, {}, options_), IsOk());
     } else {
       EXPECT_EQ(read.status().code(), absl::StatusCode::kDataLoss);
       ++refused;
@@ -177,7 +178,8 @@ TEST_P(PreparedShapeTest, NamesWhatIsWrongWithAMesh) {
   EXPECT_THAT(Prepare(broken, options_).status(),
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("mesh")));
   EXPECT_THAT(
-      Match(Prepared(x_), Prepared(y_), {{{0, 0}, {0, 1}}}, options_).status(),
+      MatchPrepared(Prepared(x_), Prepared(y_), {{{0, 0}, {0, 1}}}, options_)
+          .status(),
       StatusIs(absl::StatusCode::kInvalidArgument,
                HasSubstr("landmarks[1].x")));
 }
