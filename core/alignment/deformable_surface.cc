@@ -14,7 +14,6 @@ namespace {
 
 constexpr double kLeastWeight = 0.01;
 constexpr double kLargestWeight = 10;
-constexpr VertexIndex kVerticesPerTask = 256;
 /// Of Turn; a rotation that is nearly right is right after two or three.
 constexpr int kMaxTurns = 6;
 constexpr double kSmallTurn = 1e-9;
@@ -104,16 +103,11 @@ absl::Status DeformableSurface::Step(const Positions& targets,
                                      const std::stop_token& stop,
                                      Positions* positions) {
   const auto n = static_cast<VertexIndex>(rest_.rows());
-  const auto for_each_vertex = [&](const auto& body) {
-    return ParallelForBlocks(n, kVerticesPerTask, stop, [&](std::int64_t v) {
-      body(static_cast<VertexIndex>(v));
-    });
-  };
-  ISOMATCH_RETURN_IF_ERROR(
-      for_each_vertex([&](VertexIndex v) { FitRotation(*positions, v); }));
+  ISOMATCH_RETURN_IF_ERROR(ParallelForVertices(
+      n, stop, [&](VertexIndex v) { FitRotation(*positions, v); }));
   has_rotations_ = true;
   Eigen::MatrixXd right(n, 3);
-  ISOMATCH_RETURN_IF_ERROR(for_each_vertex([&](VertexIndex v) {
+  ISOMATCH_RETURN_IF_ERROR(ParallelForVertices(n, stop, [&](VertexIndex v) {
     Eigen::Vector3d sum = Eigen::Vector3d::Zero();
     for (const Neighbor& neighbor : neighbors_[v]) {
       sum += 0.5 * neighbor.weight *

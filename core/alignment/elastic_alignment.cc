@@ -12,7 +12,6 @@
 namespace isomatch {
 namespace {
 
-constexpr VertexIndex kVerticesPerTask = 128;
 /// Of DeformableSurface, between two searches.
 constexpr int kStepsPerRound = 3;
 /// Points are pulled beyond where they belong by this part of their way, so
@@ -77,19 +76,11 @@ void ElasticAlignment::DescribeX() {
       (options_.normal_weight * normals_.transpose()).cast<float>();
 }
 
-absl::Status ElasticAlignment::ForEachVertexOfX(
-    const std::stop_token& stop,
-    const std::function<void(VertexIndex)>& body) const {
-  return ParallelForBlocks(
-      x_.mesh.num_vertices(), kVerticesPerTask, stop,
-      [&](std::int64_t x) { body(static_cast<VertexIndex>(x)); });
-}
-
 absl::Status ElasticAlignment::FindAlike(const std::stop_token& stop) {
   const VertexMap before = y_from_x_;
   const PointsOnSurface points_x = {x_.stars, x_.laplacian.mass, features_x_};
   const PointsOnSurface points_y = {y_.stars, y_.laplacian.mass, features_y_};
-  return ForEachVertexOfX(stop, [&](VertexIndex x) {
+  return ParallelForVertices(x_.mesh.num_vertices(), stop, [&](VertexIndex x) {
     y_from_x_[x] =
         fixed_[x] != kNoVertex
             ? fixed_[x]
@@ -98,7 +89,7 @@ absl::Status ElasticAlignment::FindAlike(const std::stop_token& stop) {
 }
 
 absl::Status ElasticAlignment::FindPoints(const std::stop_token& stop) {
-  return ForEachVertexOfX(stop, [&](VertexIndex x) {
+  return ParallelForVertices(x_.mesh.num_vertices(), stop, [&](VertexIndex x) {
     const bool fixed = fixed_[x] != kNoVertex;
     const Eigen::RowVector3d aligned = aligned_.positions.row(x);
     const Eigen::RowVector3d wanted =
@@ -130,14 +121,15 @@ absl::Status ElasticAlignment::Run(double stiffness, int rounds,
 absl::StatusOr<std::vector<SurfacePoint>> ElasticAlignment::PrecisePoints(
     const std::stop_token& stop) {
   std::vector<SurfacePoint> precise(x_.mesh.num_vertices());
-  ISOMATCH_RETURN_IF_ERROR(ForEachVertexOfX(stop, [&](VertexIndex x) {
-    // What a landmark is like does not matter: its point is at its image.
-    precise[x] =
-        fixed_[x] != kNoVertex
-            ? points_[x]
-            : NearestOnFaces(y_.mesh.faces, y_.stars.Faces(y_from_x_[x]),
-                             features_y_, features_x_.col(x));
-  }));
+  ISOMATCH_RETURN_IF_ERROR(
+      ParallelForVertices(x_.mesh.num_vertices(), stop, [&](VertexIndex x) {
+        // What a landmark is like does not matter: its point is at its image.
+        precise[x] =
+            fixed_[x] != kNoVertex
+                ? points_[x]
+                : NearestOnFaces(y_.mesh.faces, y_.stars.Faces(y_from_x_[x]),
+                                 features_y_, features_x_.col(x));
+      }));
   return precise;
 }
 

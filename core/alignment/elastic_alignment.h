@@ -1,6 +1,5 @@
 #pragma once
 
-#include <functional>
 #include <stop_token>
 #include <vector>
 
@@ -83,9 +82,6 @@ class ElasticAlignment {
   double NormalMismatch(VertexIndex x) const;
 
  private:
-  absl::Status ForEachVertexOfX(
-      const std::stop_token& stop,
-      const std::function<void(VertexIndex)>& body) const;
   void DescribeY();
   void DescribeX();
   absl::Status FindAlike(const std::stop_token& stop);

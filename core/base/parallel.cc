@@ -22,12 +22,17 @@ absl::Status ParallelFor(std::int64_t count, const std::stop_token& stop,
   return CheckNotCancelled(stop);
 }
 
-absl::Status ParallelForBlocks(std::int64_t count, std::int64_t block,
-                               const std::stop_token& stop,
-                               const std::function<void(std::int64_t)>& body) {
-  return ParallelFor((count + block - 1) / block, stop, [&](std::int64_t task) {
-    const std::int64_t end = std::min(count, (task + 1) * block);
-    for (std::int64_t i = task * block; i < end; ++i) body(i);
+absl::Status ParallelForVertices(VertexIndex count, const std::stop_token& stop,
+                                 const std::function<void(VertexIndex)>& body) {
+  constexpr std::int64_t kVerticesPerTask = 256;
+  const std::int64_t tasks = (count + kVerticesPerTask - 1) / kVerticesPerTask;
+  return ParallelFor(tasks, stop, [&](std::int64_t task) {
+    const std::int64_t begin = task * kVerticesPerTask;
+    const std::int64_t end =
+        std::min<std::int64_t>(count, begin + kVerticesPerTask);
+    for (std::int64_t v = begin; v < end; ++v) {
+      body(static_cast<VertexIndex>(v));
+    }
   });
 }
 

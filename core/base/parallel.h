@@ -5,6 +5,7 @@
 #include <stop_token>
 
 #include "absl/status/status.h"
+#include "core/base/vertex_index.h"
 
 namespace isomatch {
 
@@ -17,10 +18,9 @@ namespace isomatch {
 absl::Status ParallelFor(std::int64_t count, const std::stop_token& stop,
                          const std::function<void(std::int64_t)>& body);
 
-/// The same in tasks of `block` indices each, for bodies that are quick.
-absl::Status ParallelForBlocks(std::int64_t count, std::int64_t block,
-                               const std::stop_token& stop,
-                               const std::function<void(std::int64_t)>& body);
+/// The same for vertices, some hundred to a task, for bodies that are quick.
+absl::Status ParallelForVertices(VertexIndex count, const std::stop_token& stop,
+                                 const std::function<void(VertexIndex)>& body);
 
 /// Runs both functions, at the same time where threads allow, and returns the
 /// first error in argument order.

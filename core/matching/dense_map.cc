@@ -11,23 +11,15 @@
 namespace isomatch {
 namespace {
 
-constexpr std::int64_t kVerticesPerTask = 256;
-
 /// Closeness of every vertex, one a column, to the matched ones.
 absl::StatusOr<PointColumns> ClosenessColumns(
     const Closeness& closeness, const std::vector<VertexIndex>& matched,
     const std::stop_token& stop) {
-  const std::int64_t n = closeness.basis().num_vertices();
+  const auto n = static_cast<VertexIndex>(closeness.basis().num_vertices());
   PointColumns columns(matched.size(), n);
-  ISOMATCH_RETURN_IF_ERROR(ParallelFor(
-      (n + kVerticesPerTask - 1) / kVerticesPerTask, stop,
-      [&](std::int64_t task) {
-        const std::int64_t end = std::min(n, (task + 1) * kVerticesPerTask);
-        for (std::int64_t v = task * kVerticesPerTask; v < end; ++v) {
-          closeness.Row(static_cast<VertexIndex>(v), matched,
-                        columns.col(v).data());
-        }
-      }));
+  ISOMATCH_RETURN_IF_ERROR(ParallelForVertices(n, stop, [&](VertexIndex v) {
+    closeness.Row(v, matched, columns.col(v).data());
+  }));
   return columns;
 }
 

@@ -5,11 +5,6 @@
 #include "core/mesh/surface_samples.h"
 
 namespace isomatch {
-namespace {
-
-constexpr std::int64_t kVerticesPerTask = 256;
-
-}  // namespace
 
 Embedding EmbedInItself(const StarredMesh& surface) {
   Embedding embedding = {surface.mesh.faces, {}};
@@ -58,20 +53,17 @@ absl::StatusOr<Embedding> EmbedInCoarse(const StarredMesh& fine,
   const PointsOnSurface to = {coarse_stars, no_areas, coarse_columns};
   Embedding embedding;
   embedding.points.resize(n);
-  ISOMATCH_RETURN_IF_ERROR(
-      ParallelForBlocks(n, kVerticesPerTask, stop, [&](std::int64_t i) {
-        const auto v = static_cast<VertexIndex>(i);
-        const VertexIndex nearest =
-            DescendOverEdges(from, to, v, starts[v], {});
-        // The nearest vertex need not be a corner of the nearest face.
-        std::vector<VertexIndex> around;
-        for (const VertexIndex c : coarse_stars.Neighbors(nearest)) {
-          const auto faces = coarse_stars.Faces(c);
-          around.insert(around.end(), faces.begin(), faces.end());
-        }
-        embedding.points[v] =
-            NearestOnFaces(coarse, around, fine.mesh.positions.row(v));
-      }));
+  ISOMATCH_RETURN_IF_ERROR(ParallelForVertices(n, stop, [&](VertexIndex v) {
+    const VertexIndex nearest = DescendOverEdges(from, to, v, starts[v], {});
+    // The nearest vertex need not be a corner of the nearest face.
+    std::vector<VertexIndex> around;
+    for (const VertexIndex c : coarse_stars.Neighbors(nearest)) {
+      const auto faces = coarse_stars.Faces(c);
+      around.insert(around.end(), faces.begin(), faces.end());
+    }
+    embedding.points[v] =
+        NearestOnFaces(coarse, around, fine.mesh.positions.row(v));
+  }));
   embedding.faces = coarse_faces;
   for (Eigen::Index i = 0; i < embedding.faces.size(); ++i) {
     embedding.faces.data()[i] = fine_from_coarse[embedding.faces.data()[i]];

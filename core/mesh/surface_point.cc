@@ -86,12 +86,7 @@ Eigen::Vector2d NearestInTriangle(const TriangleProducts& p) {
 
 Eigen::RowVector3d PositionOf(const TriangleMesh& mesh,
                               const SurfacePoint& point) {
-  Eigen::RowVector3d position = Eigen::RowVector3d::Zero();
-  for (int corner = 0; corner < 3; ++corner) {
-    position += point.weights[corner] *
-                mesh.positions.row(mesh.faces(point.face, corner));
-  }
-  return position;
+  return Interpolated(mesh.positions, mesh.faces, point);
 }
 
 SurfacePoint NearestOnFaces(const TriangleMesh& mesh,

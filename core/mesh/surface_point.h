@@ -17,6 +17,17 @@ struct SurfacePoint {
   Eigen::Vector3d weights = Eigen::Vector3d::Zero();
 };
 
+/// The mean of three rows of `values`, one a vertex, weighted as the point is.
+/// REQUIRES: point.face >= 0.
+template <typename Values>
+auto Interpolated(const Values& values, const Faces& faces,
+                  const SurfacePoint& point) {
+  return (point.weights[0] * values.row(faces(point.face, 0)) +
+          point.weights[1] * values.row(faces(point.face, 1)) +
+          point.weights[2] * values.row(faces(point.face, 2)))
+      .eval();
+}
+
 /// Where the point is, mesh units. REQUIRES: point.face >= 0.
 Eigen::RowVector3d PositionOf(const TriangleMesh& mesh,
                               const SurfacePoint& point);

@@ -9,7 +9,6 @@ namespace isomatch {
 namespace {
 
 constexpr double kMostComparisons = 1e8;
-constexpr std::int64_t kVerticesPerTask = 256;
 
 PointColumns Gather(const PointColumns& columns,
                     const std::vector<VertexIndex>& vertices) {
@@ -89,21 +88,17 @@ absl::StatusOr<VertexMap> NearestBySamples(const PointsOnSurface& x,
       const VertexMap nearest,
       NearestColumns(Gather(x.columns, samples_x.vertices),
                      Gather(y.columns, samples_y), stop));
-  const std::int64_t n = x.columns.cols();
+  const auto n = static_cast<VertexIndex>(x.columns.cols());
   VertexMap nearest_y(n);
-  ISOMATCH_RETURN_IF_ERROR(
-      ParallelForBlocks(n, kVerticesPerTask, stop, [&](std::int64_t v) {
-        // A component without a sample starts where the first sample went.
-        const int home = std::max(samples_x.home[v], 0);
-        nearest_y[v] = DescendOverEdges(x, y, static_cast<VertexIndex>(v),
-                                        samples_y[nearest[home]], {});
-      }));
+  ISOMATCH_RETURN_IF_ERROR(ParallelForVertices(n, stop, [&](VertexIndex v) {
+    // A component without a sample starts where the first sample went.
+    const int home = std::max(samples_x.home[v], 0);
+    nearest_y[v] = DescendOverEdges(x, y, v, samples_y[nearest[home]], {});
+  }));
   const VertexMap before = nearest_y;
-  ISOMATCH_RETURN_IF_ERROR(
-      ParallelForBlocks(n, kVerticesPerTask, stop, [&](std::int64_t v) {
-        nearest_y[v] = DescendOverEdges(x, y, static_cast<VertexIndex>(v),
-                                        before[v], before);
-      }));
+  ISOMATCH_RETURN_IF_ERROR(ParallelForVertices(n, stop, [&](VertexIndex v) {
+    nearest_y[v] = DescendOverEdges(x, y, v, before[v], before);
+  }));
   return nearest_y;
 }
 

@@ -46,16 +46,11 @@ std::vector<PrecisePoint> ToUserPoints(const WorkingMesh& x,
 namespace {
 
 /// Values of solved vertices at one of all vertices.
-float Interpolate(const PreparedMesh& x, const std::vector<float>& values,
-                  VertexIndex v) {
-  if (!x.coarse) return values[v];
-  const SurfacePoint& point = x.coarse->embedding.points[v];
-  double sum = 0;
-  for (int corner = 0; corner < 3; ++corner) {
-    sum += point.weights[corner] *
-           values[x.coarse->working.mesh.faces(point.face, corner)];
-  }
-  return static_cast<float>(sum);
+float ValueAt(const PreparedMesh& x, const Eigen::VectorXd& values,
+              VertexIndex v) {
+  if (!x.coarse) return static_cast<float>(values[v]);
+  return static_cast<float>(Interpolated(values, x.coarse->working.mesh.faces,
+                                         x.coarse->embedding.points[v])[0]);
 }
 
 }  // namespace
@@ -79,11 +74,15 @@ absl::Status ReportQuality(const PreparedMesh& x, const PreparedMesh& y,
   ISOMATCH_ASSIGN_OR_RETURN(
       const MapMeasures measures,
       MeasureMap(mesh_x, mesh_y, map.y_from_x, images, stop));
-  const std::vector<float> confidence = ConfidenceOf(
+  const std::vector<float> of_solved = ConfidenceOf(
       {measures.distortions, moved, residuals, map.offsets}, x.solved().stars);
+  const Eigen::VectorXd confidence =
+      Eigen::Map<const Eigen::VectorXf>(
+          of_solved.data(), static_cast<Eigen::Index>(of_solved.size()))
+          .cast<double>();
   for (const VertexIndex v : x.full.working_from_user) {
-    result->confidence.push_back(
-        v == kNoVertex ? 0 : Interpolate(x, confidence, v));
+    result->confidence.push_back(v == kNoVertex ? 0
+                                                : ValueAt(x, confidence, v));
   }
   result->quality = {
       measures.geodesic_distortion, measures.coverage, measures.area_distortion,

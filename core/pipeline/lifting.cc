@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
 
 #include "core/base/parallel.h"
 #include "core/base/status_macros.h"
@@ -13,7 +12,6 @@
 namespace isomatch {
 namespace {
 
-constexpr VertexIndex kVerticesPerTask = 256;
 /// Of unit normals beside positions in sqrt(area). Enough to tell the sides of
 /// a thin wall apart; more would let the noise of normals choose the vertex.
 constexpr float kNormalWeight = 0.01f;
@@ -21,31 +19,16 @@ constexpr float kNormalWeight = 0.01f;
 /// mesh: that far the map cannot have known of it.
 constexpr double kLandmarkReach = 3;
 
-absl::Status ForEachVertex(VertexIndex count, const std::stop_token& stop,
-                           const std::function<void(VertexIndex)>& body) {
-  return ParallelForBlocks(count, kVerticesPerTask, stop, [&](std::int64_t v) {
-    body(static_cast<VertexIndex>(v));
-  });
-}
-
-/// Positions, and normals where they mean something, one vertex a column.
-PointColumns Describe(const TriangleMesh& mesh, bool oriented) {
-  PointColumns columns = PointColumns::Zero(6, mesh.num_vertices());
-  columns.topRows(3) = mesh.positions.transpose().cast<float>();
-  if (oriented) {
-    columns.bottomRows(3) =
-        kNormalWeight * VertexNormals(mesh).transpose().cast<float>();
-  }
+/// Positions and weighted normals, one vertex a column.
+PointColumns Describe(const Positions& positions, const Positions& normals) {
+  PointColumns columns(6, positions.rows());
+  columns.topRows(3) = positions.transpose().cast<float>();
+  columns.bottomRows(3) = kNormalWeight * normals.transpose().cast<float>();
   return columns;
 }
 
-Eigen::RowVector3d Interpolate(const Positions& values, const Faces& faces,
-                               const SurfacePoint& point) {
-  Eigen::RowVector3d sum = Eigen::RowVector3d::Zero();
-  for (int corner = 0; corner < 3; ++corner) {
-    sum += point.weights[corner] * values.row(faces(point.face, corner));
-  }
-  return sum;
+PointColumns Describe(const Positions& positions) {
+  return positions.transpose().cast<float>();
 }
 
 /// Corner of largest weight.
@@ -126,14 +109,14 @@ absl::StatusOr<TriangleMesh> LayOut(const PreparedMesh& x,
   const Positions laid_normals = VertexNormals({places, faces});
   TriangleMesh laid_out = {Positions(rest.rows(), 3), x.full.mesh.faces};
   ISOMATCH_RETURN_IF_ERROR(
-      ForEachVertex(x.full.mesh.num_vertices(), stop, [&](VertexIndex v) {
+      ParallelForVertices(x.full.mesh.num_vertices(), stop, [&](VertexIndex v) {
         const SurfacePoint& point = embedding.points[v];
         const Eigen::RowVector3d beside =
-            rest.row(v) - Interpolate(rest, faces, point);
-        const double height = beside.dot(Interpolate(normals, faces, point));
+            rest.row(v) - Interpolated(rest, faces, point);
+        const double height = beside.dot(Interpolated(normals, faces, point));
         laid_out.positions.row(v) =
-            Interpolate(places, faces, point) +
-            height * Interpolate(laid_normals, faces, point);
+            Interpolated(places, faces, point) +
+            height * Interpolated(laid_normals, faces, point);
       }));
   return laid_out;
 }
@@ -161,20 +144,25 @@ absl::StatusOr<LiftedMap> LiftMap(const PreparedMesh& x, const PreparedMesh& y,
                             LayOut(x, embedding, images.places, stop));
   ISOMATCH_RETURN_IF_ERROR(
       FollowLandmarks(x, y, landmarks, stop, &laid_out.positions));
+  // Normals only where they mean something.
   const bool oriented = x.full.oriented && y.full.oriented;
-  const PointColumns columns_x = Describe(laid_out, oriented);
-  const PointColumns columns_y = Describe(y.full.mesh, oriented);
+  const PointColumns columns_x =
+      oriented ? Describe(laid_out.positions, VertexNormals(laid_out))
+               : Describe(laid_out.positions);
+  const PointColumns columns_y =
+      oriented ? Describe(y.full.mesh.positions, y.full.normals)
+               : Describe(y.full.mesh.positions);
   const Eigen::VectorXd no_areas;
   const PointsOnSurface from = {x.full.stars, no_areas, columns_x};
   const PointsOnSurface to = {y.full.stars, no_areas, columns_y};
   LiftedMap lifted = {VertexMap(n), std::vector<SurfacePoint>(n)};
-  ISOMATCH_RETURN_IF_ERROR(ForEachVertex(n, stop, [&](VertexIndex v) {
+  ISOMATCH_RETURN_IF_ERROR(ParallelForVertices(n, stop, [&](VertexIndex v) {
     const VertexIndex corner = Nearest(embedding.faces, embedding.points[v]);
     lifted.y_from_x[v] =
         DescendOverEdges(from, to, v, images.vertices[corner], {});
   }));
   const VertexMap before = lifted.y_from_x;
-  ISOMATCH_RETURN_IF_ERROR(ForEachVertex(n, stop, [&](VertexIndex v) {
+  ISOMATCH_RETURN_IF_ERROR(ParallelForVertices(n, stop, [&](VertexIndex v) {
     lifted.y_from_x[v] = DescendOverEdges(from, to, v, before[v], before);
     lifted.points[v] =
         NearestOnFaces(y.full.mesh, y.full.stars.Faces(lifted.y_from_x[v]),

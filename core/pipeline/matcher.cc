@@ -18,16 +18,15 @@
 namespace isomatch {
 namespace {
 
-absl::StatusOr<Correspondence> MatchMeshes(const TriangleMesh& mesh_x,
-                                           const TriangleMesh& mesh_y,
-                                           absl::Span<const Landmark> landmarks,
-                                           const MatchOptions& options,
-                                           const ProgressCallback& progress,
-                                           const std::stop_token& stop) {
+absl::StatusOr<Correspondence> MatchClean(CleanMesh mesh_x, CleanMesh mesh_y,
+                                          absl::Span<const Landmark> landmarks,
+                                          const MatchOptions& options,
+                                          const ProgressCallback& progress,
+                                          const std::stop_token& stop) {
   ProgressReporter reporter(progress, StagePlan(options));
   std::array<PreparedMesh, 2> prepared;
-  ISOMATCH_RETURN_IF_ERROR(
-      PrepareMeshes({&mesh_x, &mesh_y}, options, &reporter, stop, &prepared));
+  ISOMATCH_RETURN_IF_ERROR(PrepareMeshes({std::move(mesh_x), std::move(mesh_y)},
+                                         options, &reporter, stop, &prepared));
   return RunMatch(prepared[kX], prepared[kY], landmarks, options, &reporter,
                   stop);
 }
@@ -39,20 +38,29 @@ absl::StatusOr<Correspondence> MatchParts(const TriangleMesh& mesh_x,
                                           const MatchOptions& options,
                                           const ProgressCallback& progress,
                                           const std::stop_token& stop) {
-  if (options.match_components) {
-    const MeshParts parts_x = SplitIntoParts(mesh_x);
-    const MeshParts parts_y = SplitIntoParts(mesh_y);
-    if (MatchedByParts(parts_x, parts_y)) {
-      const auto match_one = [&](const TriangleMesh& x, const TriangleMesh& y,
-                                 absl::Span<const Landmark> known,
-                                 const ProgressCallback& report) {
-        return MatchMeshes(x, y, known, options, report, stop);
-      };
-      return MatchByParts(mesh_x, parts_x, parts_y, landmarks, match_one,
-                          progress, stop);
-    }
+  // Cleaning takes its time and comes before all reports.
+  if (progress) progress({Stage::kPrepare, 0, 0});
+  std::array<MeshParts, 2> parts;
+  ISOMATCH_RETURN_IF_ERROR(RunBoth(
+      [&] {
+        parts[kX] = SplitIntoParts(mesh_x);
+        return CheckNotCancelled(stop);
+      },
+      [&] {
+        parts[kY] = SplitIntoParts(mesh_y);
+        return CheckNotCancelled(stop);
+      }));
+  if (options.match_components && MatchedByParts(parts[kX], parts[kY])) {
+    const auto match_one = [&](const TriangleMesh& x, const TriangleMesh& y,
+                               absl::Span<const Landmark> known,
+                               const ProgressCallback& report) {
+      return MatchClean(Clean(x), Clean(y), known, options, report, stop);
+    };
+    return MatchByParts(mesh_x, parts[kX], parts[kY], landmarks, match_one,
+                        progress, stop);
   }
-  return MatchMeshes(mesh_x, mesh_y, landmarks, options, progress, stop);
+  return MatchClean(std::move(parts[kX].clean), std::move(parts[kY].clean),
+                    landmarks, options, progress, stop);
 }
 
 absl::StatusOr<PreparedShape> PrepareOne(TriangleMesh mesh,
@@ -63,11 +71,11 @@ absl::StatusOr<PreparedShape> PrepareOne(TriangleMesh mesh,
   auto contents = std::make_shared<PreparedShape::Contents>();
   contents->mesh = std::move(mesh);
   contents->key = PreparationKey::Of(options);
-  contents->large_components =
-      static_cast<std::int32_t>(SplitIntoParts(contents->mesh).large.size());
+  MeshParts parts = SplitIntoParts(contents->mesh);
+  contents->large_components = static_cast<std::int32_t>(parts.large.size());
   std::array<PreparedMesh, 2> prepared;
-  ISOMATCH_RETURN_IF_ERROR(PrepareMeshes({&contents->mesh, nullptr}, options,
-                                         &reporter, stop, &prepared));
+  ISOMATCH_RETURN_IF_ERROR(PrepareMeshes({std::move(parts.clean), std::nullopt},
+                                         options, &reporter, stop, &prepared));
   contents->prepared = std::move(prepared[kX]);
   return PreparedShape(std::move(contents));
 }
@@ -79,6 +87,23 @@ absl::Status CheckSame(const std::string& field, const char* option, T found,
   return absl::InvalidArgumentError(
       absl::StrCat(field, ": prepared with ", option, " ", found,
                    ", expected the job's own, ", expected));
+}
+
+/// Names the option that differs.
+absl::Status CheckSameKey(const std::string& field, const PreparationKey& found,
+                          const PreparationKey& expected) {
+  ISOMATCH_RETURN_IF_ERROR(CheckSame(field, "solved_vertices",
+                                     found.solved_vertices,
+                                     expected.solved_vertices));
+  ISOMATCH_RETURN_IF_ERROR(
+      CheckSame(field, "pool_size", found.pool_size, expected.pool_size));
+  ISOMATCH_RETURN_IF_ERROR(CheckSame(field, "spectral basis size",
+                                     found.eigenpairs, expected.eigenpairs));
+  ISOMATCH_RETURN_IF_ERROR(CheckSame(field, "curvature_radius",
+                                     found.curvature_radius,
+                                     expected.curvature_radius));
+  return CheckSame(field, "descriptor_radius", found.descriptor_radius,
+                   expected.descriptor_radius);
 }
 
 }  // namespace
@@ -95,22 +120,6 @@ PreparationKey PreparationKey::Of(const MatchOptions& options) {
     key.descriptor_radius = options.descriptor_radius;
   }
   return key;
-}
-
-absl::Status CheckSameKey(const std::string& field, const PreparationKey& found,
-                          const PreparationKey& expected) {
-  ISOMATCH_RETURN_IF_ERROR(CheckSame(field, "solved_vertices",
-                                     found.solved_vertices,
-                                     expected.solved_vertices));
-  ISOMATCH_RETURN_IF_ERROR(
-      CheckSame(field, "pool_size", found.pool_size, expected.pool_size));
-  ISOMATCH_RETURN_IF_ERROR(CheckSame(field, "spectral basis size",
-                                     found.eigenpairs, expected.eigenpairs));
-  ISOMATCH_RETURN_IF_ERROR(CheckSame(field, "curvature_radius",
-                                     found.curvature_radius,
-                                     expected.curvature_radius));
-  return CheckSame(field, "descriptor_radius", found.descriptor_radius,
-                   expected.descriptor_radius);
 }
 
 absl::StatusOr<Correspondence> Match(const TriangleMesh& mesh_x,
@@ -165,7 +174,7 @@ absl::StatusOr<Correspondence> MatchPrepared(
     ProgressReporter reporter(progress, StagePlan(options));
     // Nothing is left to prepare; the stages are reported all the same.
     const absl::Status prepared =
-        PrepareMeshes({nullptr, nullptr}, options, &reporter, stop, nullptr);
+        PrepareMeshes({}, options, &reporter, stop, nullptr);
     result = !prepared.ok() ? absl::StatusOr<Correspondence>(prepared)
                             : RunMatch(own_x.prepared, own_y.prepared,
                                        landmarks, options, &reporter, stop);

@@ -1,6 +1,7 @@
 #include "core/pipeline/preparation.h"
 
 #include <functional>
+#include <utility>
 
 #include "core/base/parallel.h"
 #include "core/base/status_macros.h"
@@ -35,20 +36,21 @@ absl::Status PrepareSpectral(const MatchOptions& options,
 
 }  // namespace
 
-absl::Status PrepareMeshes(const std::array<const TriangleMesh*, 2>& meshes,
+absl::Status PrepareMeshes(std::array<std::optional<CleanMesh>, 2> meshes,
                            const MatchOptions& options,
                            ProgressReporter* progress,
                            const std::stop_token& stop,
                            std::array<PreparedMesh, 2>* prepared) {
   const auto both = [&](const std::function<absl::Status(Side)>& prepare) {
     const auto one = [&](Side side) {
-      return meshes[side] == nullptr ? absl::OkStatus() : prepare(side);
+      return meshes[side] ? prepare(side) : absl::OkStatus();
     };
     return RunBoth([&] { return one(kX); }, [&] { return one(kY); });
   };
   progress->Begin(Stage::kPrepare);
   ISOMATCH_RETURN_IF_ERROR(both([&](Side side) {
-    return PrepareSurface(*meshes[side], options, stop, &(*prepared)[side]);
+    return PrepareSurface(*std::move(meshes[side]), options, stop,
+                          &(*prepared)[side]);
   }));
   progress->Begin(Stage::kGeodesics);
   ISOMATCH_RETURN_IF_ERROR(both([&](Side side) -> absl::Status {

@@ -1,10 +1,11 @@
 #pragma once
 
 #include <array>
+#include <optional>
 #include <stop_token>
 
 #include "absl/status/status.h"
-#include "core/mesh/triangle_mesh.h"
+#include "core/mesh/clean_mesh.h"
 #include "core/pipeline/match_options.h"
 #include "core/pipeline/prepared_mesh.h"
 #include "core/pipeline/progress_reporter.h"
@@ -12,9 +13,9 @@
 namespace isomatch {
 
 /// Fills a prepared mesh from each mesh, stage by stage, both at the same time
-/// where threads allow; where `meshes` has nullptr there is nothing to do.
-/// REQUIRES: ValidateMesh. Errors as Match.
-absl::Status PrepareMeshes(const std::array<const TriangleMesh*, 2>& meshes,
+/// where threads allow; where `meshes` has none there is nothing to do.
+/// Errors as Match.
+absl::Status PrepareMeshes(std::array<std::optional<CleanMesh>, 2> meshes,
                            const MatchOptions& options,
                            ProgressReporter* progress,
                            const std::stop_token& stop,

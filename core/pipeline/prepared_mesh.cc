@@ -101,10 +101,8 @@ void Normalise(WorkingMesh* working) {
 
 }  // namespace
 
-absl::StatusOr<WorkingMesh> MakeWorkingMesh(const TriangleMesh& mesh,
+absl::StatusOr<WorkingMesh> MakeWorkingMesh(CleanMesh clean,
                                             const std::stop_token& stop) {
-  CleanMesh clean = Clean(mesh);
-  ISOMATCH_RETURN_IF_ERROR(CheckNotCancelled(stop));
   const Components components = ConnectedComponents(clean.mesh);
   Selected selected = SelectVertices(clean.mesh, components,
                                      TakingPart(clean.mesh, components));
@@ -194,7 +192,7 @@ absl::StatusOr<CoarseLevel> MakeCoarse(const WorkingMesh& full,
   ISOMATCH_RETURN_IF_ERROR(CheckNotCancelled(stop));
   CoarseLevel coarse;
   ISOMATCH_ASSIGN_OR_RETURN(coarse.working,
-                            MakeWorkingMesh(decimated.mesh, stop));
+                            MakeWorkingMesh(Clean(decimated.mesh), stop));
   // Its "user" is the decimated mesh so far.
   ISOMATCH_ASSIGN_OR_RETURN(
       const VertexMap nearest,
@@ -233,11 +231,11 @@ bool IsDecimated(std::int64_t num_vertices, const MatchOptions& options) {
          double(num_vertices) > kWorthIt * options.solved_vertices;
 }
 
-absl::Status PrepareSurface(const TriangleMesh& mesh,
-                            const MatchOptions& options,
+absl::Status PrepareSurface(CleanMesh mesh, const MatchOptions& options,
                             const std::stop_token& stop,
                             PreparedMesh* prepared) {
-  ISOMATCH_ASSIGN_OR_RETURN(prepared->full, MakeWorkingMesh(mesh, stop));
+  ISOMATCH_ASSIGN_OR_RETURN(prepared->full,
+                            MakeWorkingMesh(std::move(mesh), stop));
   if (!IsDecimated(prepared->full.mesh.num_vertices(), options)) {
     return absl::OkStatus();
   }

@@ -11,6 +11,7 @@
 #include "core/descriptor/nearby_match.h"
 #include "core/geodesic/basis_points.h"
 #include "core/geodesic/distance_field_solver.h"
+#include "core/mesh/clean_mesh.h"
 #include "core/mesh/embedding.h"
 #include "core/mesh/triangle_mesh.h"
 #include "core/mesh/vertex_stars.h"
@@ -47,10 +48,9 @@ struct CoarseLevel {
   Embedding embedding;  ///< of the full mesh's vertices
 };
 
-/// Returns `mesh` made ready: cleaned, without components of less than a
-/// twentieth of the largest one's area, normalised.
-/// REQUIRES: ValidateMesh(mesh). Time O(n log n).
-absl::StatusOr<WorkingMesh> MakeWorkingMesh(const TriangleMesh& mesh,
+/// Returns a mesh made ready: without components of less than a twentieth of
+/// the largest one's area, normalised. Time O(n log n).
+absl::StatusOr<WorkingMesh> MakeWorkingMesh(CleanMesh clean,
                                             const std::stop_token& stop);
 
 /// What Section 3.1 precomputes of one shape. Unit: sqrt(area).
@@ -88,10 +88,8 @@ struct PreparedMesh {
 /// options.solved_vertices by a tenth, unless that is 0.
 bool IsDecimated(std::int64_t num_vertices, const MatchOptions& options);
 
-/// Fills full and coarse from a user's mesh. REQUIRES: ValidateMesh. CANCELLED
-/// after `stop`. Time O(n log n).
-absl::Status PrepareSurface(const TriangleMesh& mesh,
-                            const MatchOptions& options,
+/// Fills full and coarse. CANCELLED after `stop`. Time O(n log n).
+absl::Status PrepareSurface(CleanMesh mesh, const MatchOptions& options,
                             const std::stop_token& stop,
                             PreparedMesh* prepared);
 

@@ -22,11 +22,6 @@ struct PreparationKey {
   static PreparationKey Of(const MatchOptions& options);
 };
 
-/// INVALID_ARGUMENT, naming `field`, the option and both values, where the keys
-/// differ.
-absl::Status CheckSameKey(const std::string& field, const PreparationKey& found,
-                          const PreparationKey& expected);
-
 struct PreparedShape::Contents {
   TriangleMesh mesh;
   PreparationKey key;

@@ -237,8 +237,6 @@ void Complete(BasisParts basis, PreparedShape::Contents* contents) {
   for (std::size_t i = 0; i < descriptors.vertices.size(); ++i) {
     descriptors.column_of_vertex[descriptors.vertices[i]] = static_cast<int>(i);
   }
-  contents->large_components =
-      static_cast<std::int32_t>(SplitIntoParts(contents->mesh).large.size());
 }
 
 }  // namespace
@@ -293,8 +291,10 @@ absl::StatusOr<PreparedShape> ParsePreparedShape(absl::string_view bytes,
     return absl::DataLossError(absl::StrCat(
         "prepared shape: ", (valid.ok() ? valid_mesh : valid).message()));
   }
+  MeshParts parts = SplitIntoParts(contents->mesh);
+  contents->large_components = static_cast<std::int32_t>(parts.large.size());
   ISOMATCH_RETURN_IF_ERROR(
-      PrepareSurface(contents->mesh, options, stop, &prepared));
+      PrepareSurface(std::move(parts.clean), options, stop, &prepared));
   if (CrcOf(prepared.solved().mesh) != crc) {
     return absl::DataLossError(
         "prepared shape: the mesh is cleaned or decimated otherwise here than "

@@ -37,11 +37,11 @@ TEST(RunBothTest, ReturnsTheFirstErrorInArgumentOrder) {
               StatusIs(absl::StatusCode::kNotFound, "first"));
 }
 
-TEST(ParallelForBlocksTest, VisitsEveryIndexOnceWhateverTheBlock) {
-  for (const std::int64_t count : {0, 1, 99, 100, 101}) {
+TEST(ParallelForVerticesTest, VisitsEveryVertexOnceWhateverTheirNumber) {
+  for (const VertexIndex count : {0, 1, 255, 256, 257, 1000}) {
     std::vector<std::atomic<int>> visits(count);
     ASSERT_THAT(
-        ParallelForBlocks(count, 10, {}, [&](std::int64_t i) { ++visits[i]; }),
+        ParallelForVertices(count, {}, [&](VertexIndex v) { ++visits[v]; }),
         IsOk());
     for (const auto& visit : visits) EXPECT_EQ(visit, 1);
   }

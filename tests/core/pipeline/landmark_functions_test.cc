@@ -32,7 +32,7 @@ using Landmarks = std::vector<Landmark>;
 class LandmarkFunctionsTest : public testing::Test {
  protected:
   static WorkingMesh Working(const TriangleMesh& mesh) {
-    absl::StatusOr<WorkingMesh> working = MakeWorkingMesh(mesh, {});
+    absl::StatusOr<WorkingMesh> working = MakeWorkingMesh(Clean(mesh), {});
     EXPECT_THAT(working, IsOk());
     return *std::move(working);
   }
@@ -172,7 +172,8 @@ class TakeLandmarksTest : public LandmarkFunctionsTest {
  protected:
   static PreparedMesh Prepared(const TriangleMesh& mesh) {
     PreparedMesh prepared;
-    EXPECT_THAT(PrepareSurface(mesh, MatchOptions(), {}, &prepared), IsOk());
+    EXPECT_THAT(PrepareSurface(Clean(mesh), MatchOptions(), {}, &prepared),
+                IsOk());
     return prepared;
   }
 
@@ -224,7 +225,7 @@ TEST_F(TakeLandmarksTest, OfThoseThatShareASolvedVertexAllButOneFollow) {
   MatchOptions options;
   options.solved_vertices = 500;
   PreparedMesh mesh;
-  ASSERT_THAT(PrepareSurface(FiveArms(4), options, {}, &mesh), IsOk());
+  ASSERT_THAT(PrepareSurface(Clean(FiveArms(4)), options, {}, &mesh), IsOk());
   Landmarks landmarks;
   const VertexIndex n = mesh.full.mesh.num_vertices();
   for (VertexIndex v = 0; v < n; v += 3) landmarks.push_back({v, v});

@@ -20,7 +20,7 @@ class LiftingTest : public testing::Test {
     MatchOptions options;
     options.solved_vertices = 700;
     PreparedMesh prepared;
-    EXPECT_THAT(PrepareSurface(mesh, options, {}, &prepared), IsOk());
+    EXPECT_THAT(PrepareSurface(Clean(mesh), options, {}, &prepared), IsOk());
     EXPECT_TRUE(prepared.coarse.has_value());
     return prepared;
   }
@@ -65,7 +65,8 @@ TEST_F(LiftingTest, CarriesTheTruthToAllVertices) {
 
 TEST_F(LiftingTest, WorksToAndFromAMeshThatIsNotDecimated) {
   PreparedMesh whole;
-  ASSERT_THAT(PrepareSurface(FiveArms(4), MatchOptions(), {}, &whole), IsOk());
+  ASSERT_THAT(PrepareSurface(Clean(FiveArms(4)), MatchOptions(), {}, &whole),
+              IsOk());
   ASSERT_FALSE(whole.coarse.has_value());
   VertexMap own;
   for (const VertexIndex user : x_.solved().user_from_working) {
@@ -215,7 +216,7 @@ TEST_F(DecimatedMatchTest, AWrongLandmarkNextToARightOneIsNotKept) {
   // Both share a vertex of the decimated mesh.
   MatchOptions options = Options();
   PreparedMesh prepared;
-  ASSERT_THAT(PrepareSurface(x_, options, {}, &prepared), IsOk());
+  ASSERT_THAT(PrepareSurface(Clean(x_), options, {}, &prepared), IsOk());
   const VertexMap& solved = prepared.solved().working_from_user;
   VertexIndex other = 1;
   while (other == 0 || solved[other] != solved[0]) ++other;
@@ -241,7 +242,7 @@ TEST_F(DecimatedMatchTest, AnOpenSheetKeepsTheSideItFaces) {
                             std::cos(2 * sheet.positions(v, 1));
   }
   PreparedMesh prepared;
-  ASSERT_THAT(PrepareSurface(sheet, Options(), {}, &prepared), IsOk());
+  ASSERT_THAT(PrepareSurface(Clean(sheet), Options(), {}, &prepared), IsOk());
   ASSERT_TRUE(prepared.coarse.has_value());
   const WorkingMesh& solved = prepared.solved();
   for (VertexIndex v = 0; v < solved.mesh.num_vertices(); ++v) {
