@@ -16,7 +16,7 @@ constexpr double kLeastWeight = 0.01;
 constexpr double kLargestWeight = 10;
 /// Of Turn; a rotation that is nearly right is right after two or three.
 constexpr int kMaxTurns = 6;
-constexpr double kSmallTurn = 1e-9;
+constexpr double kSmallTurn = 1e-3;
 
 /// The rotation R that maximises trace(R^T covariance).
 Eigen::Matrix3d BestRotation(const Eigen::Matrix3d& covariance) {
@@ -41,8 +41,9 @@ void TurnTowardsBest(const Eigen::Matrix3d& covariance,
     axis /= std::abs(alignment) + 1e-30;
     const double angle = axis.norm();
     if (!(angle > kSmallTurn)) return;
-    *rotation =
-        Eigen::AngleAxisd(angle, axis / angle).toRotationMatrix() * *rotation;
+    // Nearly the angle, and small ones exactly.
+    const Eigen::Quaterniond small(1, axis.x() / 2, axis.y() / 2, axis.z() / 2);
+    *rotation = small.normalized().toRotationMatrix() * *rotation;
   }
 }
 
@@ -50,10 +51,10 @@ void TurnTowardsBest(const Eigen::Matrix3d& covariance,
 
 DeformableSurface::DeformableSurface(const TriangleMesh& mesh,
                                      const CotanLaplacian& laplacian)
-    : rest_(mesh.positions),
-      neighbors_(mesh.num_vertices()),
-      rotations_(mesh.num_vertices(), Eigen::Matrix3d::Identity()) {
+    : rotations_(mesh.num_vertices(), Eigen::Matrix3d::Identity()) {
+  const Eigen::Matrix3Xd rest = mesh.positions.transpose();
   std::vector<Eigen::Triplet<double>> entries;
+  first_edges_.push_back(0);
   for (VertexIndex v = 0; v < mesh.num_vertices(); ++v) {
     using Entry = Eigen::SparseMatrix<double>::InnerIterator;
     for (Entry entry(laplacian.stiffness, v); entry; ++entry) {
@@ -61,10 +62,12 @@ DeformableSurface::DeformableSurface(const TriangleMesh& mesh,
       if (other == v) continue;
       const double weight =
           std::clamp(-entry.value(), kLeastWeight, kLargestWeight);
-      neighbors_[v].push_back({other, weight});
+      const Eigen::Vector3d edge = rest.col(v) - rest.col(other);
+      edges_.push_back({other, weight, edge, weight * edge});
       entries.emplace_back(v, v, weight);
       entries.emplace_back(other, v, -weight);
     }
+    first_edges_.push_back(edges_.size());
   }
   stiffness_.resize(mesh.num_vertices(), mesh.num_vertices());
   stiffness_.setFromTriplets(entries.begin(), entries.end());
@@ -81,16 +84,14 @@ absl::Status DeformableSurface::SetPull(const Eigen::VectorXd& pull,
   if (cholesky_.info() == Eigen::Success) return absl::OkStatus();
   return absl::InternalError(
       absl::StrCat("Cholesky factorisation of the elastic alignment failed, ",
-                   rest_.rows(), " vertices, stiffness ", stiffness));
+                   pull.size(), " vertices, stiffness ", stiffness));
 }
 
-void DeformableSurface::FitRotation(const Positions& positions, VertexIndex v) {
+void DeformableSurface::FitRotation(VertexIndex v) {
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
-  for (const Neighbor& neighbor : neighbors_[v]) {
+  for (const Edge& edge : EdgesOf(v)) {
     covariance +=
-        neighbor.weight *
-        (positions.row(v) - positions.row(neighbor.vertex)).transpose() *
-        (rest_.row(v) - rest_.row(neighbor.vertex));
+        (current_.col(v) - current_.col(edge.to)) * edge.weighted.transpose();
   }
   if (has_rotations_) {
     TurnTowardsBest(covariance, &rotations_[v]);
@@ -99,39 +100,68 @@ void DeformableSurface::FitRotation(const Positions& positions, VertexIndex v) {
   }
 }
 
+/// All three axes at once, so that the factor is read once.
+void DeformableSurface::Solve(Eigen::Matrix3Xd* right) const {
+  const auto& permutation = cholesky_.permutationP().indices();
+  const auto& factor = cholesky_.matrixL().nestedExpression();
+  const Eigen::Index n = right->cols();
+  Eigen::Matrix4Xd x(4, n);  // the fourth row is idle: four go at a time
+  x.row(3).setZero();
+  for (Eigen::Index i = 0; i < n; ++i) {
+    x.col(permutation[i]).head<3>() = right->col(i);
+  }
+  const int* const starts = factor.outerIndexPtr();
+  const int* const rows = factor.innerIndexPtr();
+  const double* const values = factor.valuePtr();
+  for (Eigen::Index j = 0; j < n; ++j) {
+    const Eigen::Vector4d value = x.col(j) / values[starts[j]];
+    x.col(j) = value;
+    for (int at = starts[j] + 1; at < starts[j + 1]; ++at) {
+      x.col(rows[at]) -= values[at] * value;
+    }
+  }
+  for (Eigen::Index j = n - 1; j >= 0; --j) {
+    Eigen::Vector4d value = x.col(j);
+    for (int at = starts[j] + 1; at < starts[j + 1]; ++at) {
+      value -= values[at] * x.col(rows[at]);
+    }
+    x.col(j) = value / values[starts[j]];
+  }
+  for (Eigen::Index i = 0; i < n; ++i) {
+    right->col(i) = x.col(permutation[i]).head<3>();
+  }
+}
+
 absl::Status DeformableSurface::Step(const Positions& targets,
                                      const std::stop_token& stop,
                                      Positions* positions) {
-  const auto n = static_cast<VertexIndex>(rest_.rows());
-  ISOMATCH_RETURN_IF_ERROR(ParallelForVertices(
-      n, stop, [&](VertexIndex v) { FitRotation(*positions, v); }));
+  const auto n = static_cast<VertexIndex>(rotations_.size());
+  current_ = positions->transpose();
+  ISOMATCH_RETURN_IF_ERROR(
+      ParallelForVertices(n, stop, [&](VertexIndex v) { FitRotation(v); }));
   has_rotations_ = true;
-  Eigen::MatrixXd right(n, 3);
+  Eigen::Matrix3Xd right(3, n);
   ISOMATCH_RETURN_IF_ERROR(ParallelForVertices(n, stop, [&](VertexIndex v) {
     Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-    for (const Neighbor& neighbor : neighbors_[v]) {
-      sum += 0.5 * neighbor.weight *
-             ((rotations_[v] + rotations_[neighbor.vertex]) *
-              (rest_.row(v) - rest_.row(neighbor.vertex)).transpose());
+    for (const Edge& edge : EdgesOf(v)) {
+      sum += (rotations_[v] + rotations_[edge.to]) * edge.weighted;
     }
-    right.row(v) = pull_[v] * targets.row(v) + scale_ * sum.transpose();
+    right.col(v) = pull_[v] * targets.row(v).transpose() + 0.5 * scale_ * sum;
   }));
-  return ParallelFor(3, stop, [&](std::int64_t axis) {
-    positions->col(axis) = cholesky_.solve(right.col(axis));
-  });
+  Solve(&right);
+  *positions = right.transpose();
+  return absl::OkStatus();
 }
 
 double DeformableSurface::Energy(const Positions& positions) const {
   double sum = 0;
-  for (std::size_t v = 0; v < neighbors_.size(); ++v) {
-    for (const Neighbor& neighbor : neighbors_[v]) {
-      const Eigen::Vector3d bent =
-          rotations_[v] *
-          (rest_.row(v) - rest_.row(neighbor.vertex)).transpose();
-      sum +=
-          neighbor.weight *
-          (positions.row(v) - positions.row(neighbor.vertex) - bent.transpose())
-              .squaredNorm();
+  const auto n = static_cast<VertexIndex>(rotations_.size());
+  for (VertexIndex v = 0; v < n; ++v) {
+    for (const Edge& edge : EdgesOf(v)) {
+      const Eigen::Vector3d bent = rotations_[v] * edge.rest;
+      sum += edge.weight *
+             (positions.row(v) - positions.row(edge.to) - bent.transpose())
+                 .squaredNorm();
     }
   }
   return 0.5 * sum;

@@ -7,6 +7,7 @@
 #include <Eigen/SparseCore>
 
 #include "absl/status/status.h"
+#include "absl/types/span.h"
 #include "core/mesh/triangle_mesh.h"
 #include "core/spectral/cotan_laplacian.h"
 
@@ -47,15 +48,24 @@ class DeformableSurface {
   double Energy(const Positions& positions) const;
 
  private:
-  struct Neighbor {
-    VertexIndex vertex;
+  /// An edge at rest, from a vertex to another.
+  struct Edge {
+    VertexIndex to;
     double weight;
+    Eigen::Vector3d rest;      ///< the vertex less the other
+    Eigen::Vector3d weighted;  ///< rest times weight
   };
 
-  void FitRotation(const Positions& positions, VertexIndex v);
+  absl::Span<const Edge> EdgesOf(VertexIndex v) const {
+    return absl::MakeConstSpan(edges_).subspan(
+        first_edges_[v], first_edges_[v + 1] - first_edges_[v]);
+  }
+  void FitRotation(VertexIndex v);
+  void Solve(Eigen::Matrix3Xd* right) const;
 
-  Positions rest_;
-  std::vector<std::vector<Neighbor>> neighbors_;
+  std::vector<Edge> edges_;  ///< vertex by vertex
+  std::vector<std::size_t> first_edges_;
+  Eigen::Matrix3Xd current_;  ///< positions, for reading one by one
   Eigen::SparseMatrix<double> stiffness_;  ///< n x n, of the weights
   std::vector<Eigen::Matrix3d> rotations_;
   bool has_rotations_ = false;

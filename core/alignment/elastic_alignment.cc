@@ -29,8 +29,8 @@ ElasticAlignment::ElasticAlignment(const AlignmentShape& shape_x,
     : x_(shape_x),
       y_(shape_y),
       options_(options),
-      basis_(std::min(
-          {options.basis, shape_x.spectral.size(), shape_y.spectral.size()})),
+      basis_(std::min<Eigen::Index>(
+          {options.basis, shape_x.functions.rows(), shape_y.functions.rows()})),
       surface_(shape_x.mesh, shape_x.laplacian),
       aligned_(shape_x.mesh),
       y_from_x_(std::move(y_from_x)),
@@ -41,10 +41,8 @@ ElasticAlignment::ElasticAlignment(const AlignmentShape& shape_x,
       features_x_(basis_ + 6, shape_x.mesh.num_vertices()),
       features_y_(basis_ + 6, shape_y.mesh.num_vertices()) {
   aligned_.positions = targets_;
-  features_x_.topRows(basis_) =
-      (options_.spectral_weight *
-       x_.spectral.functions.leftCols(basis_).transpose())
-          .cast<float>();
+  features_x_.topRows(basis_) = static_cast<float>(options_.spectral_weight) *
+                                x_.functions.topRows(basis_);
   features_y_.middleRows(basis_, 3) =
       y_.mesh.positions.transpose().cast<float>();
   features_y_.bottomRows(3) =
@@ -61,11 +59,12 @@ void ElasticAlignment::Fix(absl::Span<const VertexMatch> landmarks) {
 }
 
 void ElasticAlignment::DescribeY() {
-  const Eigen::MatrixXd fmap_x_from_y =
-      FunctionalMapFromVertexMap(x_.spectral, y_.spectral, y_from_x_, basis_);
-  features_y_.topRows(basis_) =
-      (options_.spectral_weight * fmap_x_from_y).cast<float>() *
-      y_.spectral.functions.leftCols(basis_).transpose().cast<float>();
+  // Of X's features, so that the weight is in it.
+  const Eigen::MatrixXf fmap_x_from_y =
+      DenseFunctionalMap(features_x_.topRows(basis_), x_.laplacian.mass,
+                         y_.functions.topRows(basis_), y_from_x_);
+  CarryOver(fmap_x_from_y, y_.functions.topRows(basis_),
+            features_y_.topRows(basis_));
 }
 
 void ElasticAlignment::DescribeX() {
@@ -77,15 +76,14 @@ void ElasticAlignment::DescribeX() {
 }
 
 absl::Status ElasticAlignment::FindAlike(const std::stop_token& stop) {
-  const VertexMap before = y_from_x_;
   const PointsOnSurface points_x = {x_.stars, x_.laplacian.mass, features_x_};
   const PointsOnSurface points_y = {y_.stars, y_.laplacian.mass, features_y_};
-  return ParallelForVertices(x_.mesh.num_vertices(), stop, [&](VertexIndex x) {
-    y_from_x_[x] =
-        fixed_[x] != kNoVertex
-            ? fixed_[x]
-            : DescendOverEdges(points_x, points_y, x, before[x], before);
-  });
+  ISOMATCH_ASSIGN_OR_RETURN(
+      y_from_x_, DescendFromMap(points_x, points_y, y_from_x_, stop));
+  for (std::size_t x = 0; x < fixed_.size(); ++x) {
+    if (fixed_[x] != kNoVertex) y_from_x_[x] = fixed_[x];
+  }
+  return absl::OkStatus();
 }
 
 absl::Status ElasticAlignment::FindPoints(const std::stop_token& stop) {

@@ -13,7 +13,6 @@
 #include "core/mesh/triangle_mesh.h"
 #include "core/mesh/vertex_stars.h"
 #include "core/spectral/cotan_laplacian.h"
-#include "core/spectral/spectral_basis.h"
 
 namespace isomatch {
 
@@ -23,7 +22,7 @@ struct AlignmentShape {
   const TriangleMesh& mesh;
   const Positions& normals;
   const CotanLaplacian& laplacian;
-  const SpectralBasis& spectral;
+  const PointColumns& functions;  ///< FunctionColumns of the eigenfunctions
   const VertexStars& stars;
 };
 
@@ -90,7 +89,7 @@ class ElasticAlignment {
   const AlignmentShape x_;
   const AlignmentShape y_;
   const AlignmentOptions options_;
-  const int basis_;
+  const Eigen::Index basis_;
   DeformableSurface surface_;
   TriangleMesh aligned_;  ///< X laid on Y
   Positions normals_;     ///< of aligned_

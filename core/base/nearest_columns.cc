@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cassert>
+#include <cmath>
 #include <limits>
 #include <vector>
 
@@ -11,32 +12,127 @@
 namespace isomatch {
 namespace {
 
-// Block sizes keep the product in the second-level cache.
-constexpr Eigen::Index kQueryBlock = 128;
+constexpr Eigen::Index kQueryBlock = 64;
+/// Points that follow each other and are passed over together.
+constexpr Eigen::Index kGroup = 8;
+/// Most columns of a product, which so stays in the second-level cache.
 constexpr Eigen::Index kPointBlock = 512;
+/// Of squared lengths: what single-precision products may be wrong by.
+constexpr float kRounding = 1e-4f;
 
-/// Scans one block of queries over all points.
-void NearestOfBlock(const PointColumns& queries, const PointColumns& points,
-                    const Eigen::VectorXf& half_norms, Eigen::Index begin,
-                    Eigen::Index count, VertexIndex* nearest) {
-  std::vector<float> best(count, std::numeric_limits<float>::infinity());
-  std::fill(nearest, nearest + count, 0);
-  Eigen::MatrixXf scores;
-  for (Eigen::Index p = 0; p < points.cols(); p += kPointBlock) {
-    const Eigen::Index width = std::min(kPointBlock, points.cols() - p);
-    // |q - p|^2 = |q|^2 + 2 (|p|^2 / 2 - q.p), and |q|^2 does not matter.
-    scores.noalias() = -points.middleCols(p, width).transpose() *
-                       queries.middleCols(begin, count);
-    scores.colwise() += half_norms.segment(p, width);
-    for (Eigen::Index q = 0; q < count; ++q) {
-      Eigen::Index row;
-      const float score = scores.col(q).minCoeff(&row);
-      if (score >= best[q]) continue;
-      best[q] = score;
-      nearest[q] = static_cast<VertexIndex>(p + row);
+/// Points in groups of kGroup, each within a ball.
+struct Groups {
+  explicit Groups(const PointColumns& points)
+      : centers(points.rows(), (points.cols() + kGroup - 1) / kGroup),
+        radii(centers.cols()) {
+    for (Eigen::Index g = 0; g < centers.cols(); ++g) {
+      const Eigen::Index begin = g * kGroup;
+      const auto members =
+          points.middleCols(begin, std::min(kGroup, points.cols() - begin));
+      centers.col(g) = members.rowwise().mean();
+      radii[g] = std::sqrt((members.colwise() - centers.col(g))
+                               .colwise()
+                               .squaredNorm()
+                               .maxCoeff());
     }
   }
-}
+
+  PointColumns centers;
+  Eigen::VectorXf radii;
+};
+
+/// Nearest points of one block of queries.
+class BlockSearch {
+ public:
+  BlockSearch(const PointColumns& points, const Groups& groups,
+              const Eigen::VectorXf& half_norms)
+      : points_(points), groups_(groups), half_norms_(half_norms) {}
+
+  void Search(const Eigen::Ref<const PointColumns>& queries,
+              VertexIndex* nearest) {
+    const Eigen::Index count = queries.cols();
+    best_.assign(count, std::numeric_limits<float>::infinity());
+    std::fill(nearest, nearest + count, 0);
+    const Eigen::VectorXf norms = queries.colwise().squaredNorm().transpose();
+    // Squared distances of the queries from the groups' centres.
+    Eigen::MatrixXf squared = -2 * groups_.centers.transpose() * queries;
+    squared.colwise() += groups_.centers.colwise().squaredNorm().transpose();
+    squared.rowwise() += norms.transpose();
+    // The groups next to a query hold a point that is near already.
+    std::vector<char> taken(groups_.radii.size(), false);
+    for (Eigen::Index q = 0; q < count; ++q) {
+      Eigen::Index group;
+      squared.col(q).minCoeff(&group);
+      taken[group] = true;
+    }
+    Compare(queries, taken, nearest);
+    for (Eigen::Index g = 0; g < groups_.radii.size(); ++g) {
+      if (taken[g]) {
+        taken[g] = false;
+        continue;
+      }
+      taken[g] = MayHoldNearer(g, squared, norms);
+    }
+    Compare(queries, taken, nearest);
+  }
+
+ private:
+  bool MayHoldNearer(Eigen::Index group, const Eigen::MatrixXf& squared,
+                     const Eigen::VectorXf& norms) const {
+    for (Eigen::Index q = 0; q < squared.cols(); ++q) {
+      // |q - p|^2, known as |p|^2 / 2 - q.p.
+      const float least = std::max(norms[q] + 2 * best_[q], 0.0f);
+      const float reach = std::sqrt(least) + groups_.radii[group];
+      if (squared(group, q) <= reach * reach + kRounding * norms[q])
+        return true;
+    }
+    return false;
+  }
+
+  void Compare(const Eigen::Ref<const PointColumns>& queries,
+               const std::vector<char>& taken, VertexIndex* nearest) {
+    for (std::size_t g = 0; g < taken.size();) {
+      chosen_.clear();
+      for (; g < taken.size() &&
+             static_cast<Eigen::Index>(chosen_.size()) + kGroup <= kPointBlock;
+           ++g) {
+        if (!taken[g]) continue;
+        const auto begin = static_cast<Eigen::Index>(g) * kGroup;
+        const Eigen::Index end = std::min(begin + kGroup, points_.cols());
+        for (Eigen::Index p = begin; p < end; ++p)
+          chosen_.push_back(static_cast<VertexIndex>(p));
+      }
+      if (!chosen_.empty()) CompareChosen(queries, nearest);
+    }
+  }
+
+  void CompareChosen(const Eigen::Ref<const PointColumns>& queries,
+                     VertexIndex* nearest) {
+    gathered_ = points_(Eigen::all, chosen_);
+    // |q - p|^2 = |q|^2 + 2 (|p|^2 / 2 - q.p), and |q|^2 does not matter.
+    scores_.noalias() = -gathered_.transpose() * queries;
+    scores_.colwise() += half_norms_(chosen_);
+    for (Eigen::Index q = 0; q < queries.cols(); ++q) {
+      // The value alone is found many times faster than its place.
+      const float score = scores_.col(q).minCoeff();
+      if (!(score <= best_[q])) continue;
+      const float* const column = scores_.col(q).data();
+      const VertexIndex found =
+          chosen_[std::find(column, column + scores_.rows(), score) - column];
+      if (score == best_[q] && found > nearest[q]) continue;
+      best_[q] = score;
+      nearest[q] = found;
+    }
+  }
+
+  const PointColumns& points_;
+  const Groups& groups_;
+  const Eigen::VectorXf& half_norms_;
+  std::vector<float> best_;
+  std::vector<VertexIndex> chosen_;
+  PointColumns gathered_;
+  Eigen::MatrixXf scores_;
+};
 
 }  // namespace
 
@@ -46,13 +142,14 @@ absl::StatusOr<VertexMap> NearestColumns(const PointColumns& queries,
   assert(queries.rows() == points.rows() && points.cols() > 0);
   const Eigen::VectorXf half_norms =
       0.5f * points.colwise().squaredNorm().transpose();
+  const Groups groups(points);
   VertexMap nearest(queries.cols());
   const Eigen::Index blocks = (queries.cols() + kQueryBlock - 1) / kQueryBlock;
   ISOMATCH_RETURN_IF_ERROR(ParallelFor(blocks, stop, [&](std::int64_t block) {
     const Eigen::Index begin = block * kQueryBlock;
     const Eigen::Index count = std::min(kQueryBlock, queries.cols() - begin);
-    NearestOfBlock(queries, points, half_norms, begin, count,
-                   nearest.data() + begin);
+    BlockSearch(points, groups, half_norms)
+        .Search(queries.middleCols(begin, count), nearest.data() + begin);
   }));
   return nearest;
 }

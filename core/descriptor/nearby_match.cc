@@ -11,7 +11,23 @@ namespace isomatch {
 namespace {
 
 /// Vertices whose descriptors DescriptorMismatch compares.
-constexpr std::size_t kProbes = 1500;
+constexpr std::size_t kProbes = 600;
+/// Entries of a descriptor that are compared at a time.
+constexpr Eigen::Index kPart = 88;
+
+using Descriptor = Eigen::Ref<const Eigen::VectorXf>;
+
+/// `start` and the squared difference, or, once that exceeds `enough`, only a
+/// part of it.
+double Unlikeness(const Descriptor& a, const Descriptor& b, double start,
+                  double enough) {
+  double sum = start;
+  for (Eigen::Index i = 0; i < a.size() && sum < enough; i += kPart) {
+    const Eigen::Index count = std::min(kPart, a.size() - i);
+    sum += (a.segment(i, count) - b.segment(i, count)).squaredNorm();
+  }
+  return sum;
+}
 
 }  // namespace
 
@@ -48,19 +64,22 @@ absl::StatusOr<VertexMap> MatchNearby(const ShapeDescriptors& x,
       const int column = y.column_of_vertex[v];
       if (column < 0) continue;
       const double unlikeness =
-          (x.columns.col(i) - y.columns.col(column)).squaredNorm() +
-          per_square * distance * distance;
+          Unlikeness(x.columns.col(i), y.columns.col(column),
+                     per_square * distance * distance, least);
       if (unlikeness >= least) continue;
       least = unlikeness;
       best = v;
     }
     return best;
   };
+  const std::int64_t count =
+      (static_cast<std::int64_t>(x.vertices.size()) + options.every - 1) /
+      options.every;
   ISOMATCH_RETURN_IF_ERROR(
-      ParallelForWithBall(surface_y.mesh, surface_y.stars,
-                          static_cast<std::int64_t>(x.vertices.size()), stop,
+      ParallelForWithBall(surface_y.mesh, surface_y.stars, count, stop,
                           [&](std::int64_t i, ConnectedBall* around) {
-                            matches[x.vertices[i]] = most_alike(i, around);
+                            matches[x.vertices[i * options.every]] =
+                                most_alike(i * options.every, around);
                           }));
   return matches;
 }

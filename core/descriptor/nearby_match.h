@@ -29,14 +29,16 @@ absl::StatusOr<ShapeDescriptors> DescribeShape(const DescribedSurface& surface,
 struct NearbyMatchOptions {
   /// How far from its image a better one is looked for, mesh units of Y.
   double reach = 0.2;
+  /// Of so many described vertices of X one is looked for.
+  std::int64_t every = 1;
   /// What that distance weighs beside squared differences of descriptors, all
   /// of it counting as 1.
   double distance_weight = 0.05;
 };
 
-/// Returns for each described vertex of X, of those on Y near where `y_from_x`
-/// (dense) sends it, the most alike one; kNoVertex for the others, and where
-/// nothing near is described.
+/// Returns for each described vertex of X that options.every takes, of those on Y near
+/// where `y_from_x` (dense) sends it, the most alike one; kNoVertex for the
+/// others, and where nothing near is described.
 absl::StatusOr<VertexMap> MatchNearby(const ShapeDescriptors& x,
                                       const ShapeDescriptors& y,
                                       const DescribedSurface& surface_y,

@@ -6,7 +6,6 @@
 #include "core/base/parallel.h"
 #include "core/base/status_macros.h"
 #include "core/geodesic/distance_field_solver.h"
-#include "core/geodesic/farthest_point_sampling.h"
 #include "core/mesh/mesh_geometry.h"
 
 namespace isomatch {
@@ -42,25 +41,38 @@ absl::StatusOr<Fields> FieldsOf(const DistanceFieldSolver& solver,
   return fields;
 }
 
-absl::Status MeasureDistances(const DistanceFieldSolver& solver_x,
+float LargestReached(const BasisPoints& basis, int count) {
+  float largest = 0;
+  for (VertexIndex v = 0; v < basis.num_vertices(); ++v) {
+    for (int z = 0; z < count; ++z) {
+      const float distance = basis.Distance(v, z);
+      if (distance < kUnreachable) largest = std::max(largest, distance);
+    }
+  }
+  return largest;
+}
+
+absl::Status MeasureDistances(const BasisPoints& basis_x,
                               const DistanceFieldSolver& solver_y,
                               absl::Span<const VertexIndex> y_from_x,
                               const std::stop_token& stop,
                               MapMeasures* measures) {
-  ISOMATCH_ASSIGN_OR_RETURN(const std::vector<VertexIndex> anchors,
-                            FarthestPoints(solver_x, kAnchors, stop));
+  const int anchors = std::min(kAnchors, basis_x.num_points());
   std::vector<VertexIndex> images;
-  for (const VertexIndex anchor : anchors) images.push_back(y_from_x[anchor]);
-  ISOMATCH_ASSIGN_OR_RETURN(const Fields on_x,
-                            FieldsOf(solver_x, anchors, stop));
+  for (int a = 0; a < anchors; ++a) {
+    images.push_back(y_from_x[basis_x.points()[a]]);
+  }
+  const float largest_x = LargestReached(basis_x, anchors);
   ISOMATCH_ASSIGN_OR_RETURN(const Fields on_y,
                             FieldsOf(solver_y, images, stop));
   measures->distortions.resize(y_from_x.size());
   double sum = 0;
-  std::vector<float> differences(anchors.size());
+  std::vector<float> differences(anchors);
   for (std::size_t x = 0; x < y_from_x.size(); ++x) {
-    for (std::size_t a = 0; a < anchors.size(); ++a) {
-      differences[a] = std::abs(on_x[a][x] - on_y[a][y_from_x[x]]);
+    const float* const on_x = basis_x.Profile(static_cast<VertexIndex>(x));
+    for (int a = 0; a < anchors; ++a) {
+      differences[a] =
+          std::abs(std::min(on_x[a], largest_x) - on_y[a][y_from_x[x]]);
       sum += differences[a];
     }
     const auto middle = differences.begin() + differences.size() / 2;
@@ -68,7 +80,7 @@ absl::Status MeasureDistances(const DistanceFieldSolver& solver_x,
     measures->distortions[x] = *middle;
   }
   measures->geodesic_distortion =
-      sum / (double(y_from_x.size()) * double(anchors.size()));
+      sum / (double(y_from_x.size()) * double(anchors));
   return absl::OkStatus();
 }
 
@@ -113,19 +125,24 @@ double AreaDistortion(const TriangleMesh& mesh_x, const Positions& images) {
 }  // namespace
 
 absl::StatusOr<MapMeasures> MeasureMap(const TriangleMesh& mesh_x,
+                                       const BasisPoints& basis_x,
                                        const TriangleMesh& mesh_y,
                                        absl::Span<const VertexIndex> y_from_x,
                                        const Positions& images,
                                        const std::stop_token& stop) {
-  const DistanceFieldSolver solver_x(mesh_x);
   const DistanceFieldSolver solver_y(mesh_y);
   MapMeasures measures;
-  ISOMATCH_RETURN_IF_ERROR(
-      MeasureDistances(solver_x, solver_y, y_from_x, stop, &measures));
   const double edge = std::max(MeanEdgeLength(mesh_x), MeanEdgeLength(mesh_y));
-  measures.coverage = Coverage(solver_y, mesh_y, y_from_x,
-                               static_cast<float>(kReachInEdges * edge));
-  measures.area_distortion = AreaDistortion(mesh_x, images);
+  ISOMATCH_RETURN_IF_ERROR(RunBoth(
+      [&] {
+        return MeasureDistances(basis_x, solver_y, y_from_x, stop, &measures);
+      },
+      [&] {
+        measures.coverage = Coverage(solver_y, mesh_y, y_from_x,
+                                     static_cast<float>(kReachInEdges * edge));
+        measures.area_distortion = AreaDistortion(mesh_x, images);
+        return absl::OkStatus();
+      }));
   return measures;
 }
 

@@ -6,6 +6,7 @@
 #include "absl/status/statusor.h"
 #include "absl/types/span.h"
 #include "core/base/vertex_index.h"
+#include "core/geodesic/basis_points.h"
 #include "core/mesh/triangle_mesh.h"
 
 namespace isomatch {
@@ -30,8 +31,10 @@ struct MapMeasures {
 /// are the places on Y that X's vertices go to, y_from_x the vertices next to
 /// them. Distances between components count as the largest finite one.
 ///
-/// Anchors are 24 farthest points of X. CANCELLED after `stop`. Time O(n).
+/// Anchors are the first 24 of `basis_x`, farthest points of X whose distance
+/// fields are there. CANCELLED after `stop`. Time O(n).
 absl::StatusOr<MapMeasures> MeasureMap(const TriangleMesh& mesh_x,
+                                       const BasisPoints& basis_x,
                                        const TriangleMesh& mesh_y,
                                        absl::Span<const VertexIndex> y_from_x,
                                        const Positions& images,

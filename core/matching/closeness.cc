@@ -39,15 +39,25 @@ std::vector<int> ClosestOf(const float* closeness, int size, int self,
   // Kept sorted: most entries are beaten by the last of a few and go no
   // further. Equal ones stay in order of index, as they come in it.
   std::vector<int> closest;
-  const auto closer = [&](int a, int b) { return closeness[a] > closeness[b]; };
+  std::vector<float> values;
+  closest.reserve(count);
+  values.reserve(count);
   for (int i = 0; i < size && count > 0; ++i) {
+    const float value = closeness[i];
     if (i == self) continue;
-    if (static_cast<int>(closest.size()) == count) {
-      if (!closer(i, closest.back())) continue;
-      closest.pop_back();
+    if (static_cast<int>(values.size()) < count) {
+      values.push_back(value);
+      closest.push_back(i);
+    } else if (!(value > values.back())) {
+      continue;
     }
-    closest.insert(std::upper_bound(closest.begin(), closest.end(), i, closer),
-                   i);
+    std::size_t at = values.size() - 1;
+    for (; at > 0 && values[at - 1] < value; --at) {
+      values[at] = values[at - 1];
+      closest[at] = closest[at - 1];
+    }
+    values[at] = value;
+    closest[at] = i;
   }
   return closest;
 }

@@ -16,8 +16,11 @@
 namespace isomatch {
 namespace {
 
-/// Points of X's pool by whose images maps are told apart.
+/// Points of X's pool by whose images maps are told apart, and of Y's among
+/// which those are looked for: farthest points, so near enough to each other to
+/// tell places apart.
 constexpr int kProbes = 50;
+constexpr int kPlaces = 300;
 /// Two maps send a probe to different places when those are further apart, in
 /// sqrt(area), and are distinct when they do so with more than this fraction of
 /// the probes. Noise of a map is well below the one, half a limb above the
@@ -99,10 +102,11 @@ double Badness(const FirstStageInput& input, const FirstStageOptions& options,
                   options.curvature_weight);
 }
 
-/// Where a map sends a point of X, matched or not: the point of Y with the
-/// least Eq. 8.
+/// About where a map sends a point of X, matched or not: the place on Y with
+/// the least Eq. 8.
 int ImageOf(const Matching& matching, int x, std::vector<float>* errors) {
-  matching.EmbeddingErrors(kX, x, errors);
+  const int places = std::min(kPlaces, matching.pool(kY).size());
+  matching.EmbeddingErrors(kX, x, places, errors);
   return static_cast<int>(std::min_element(errors->begin(), errors->end()) -
                           errors->begin());
 }

@@ -51,15 +51,10 @@ int CandidateSearch::BestOverall(const Matching& matching, Side from,
                                  int point) const {
   std::vector<float> errors;
   matching.EmbeddingErrors(from, point, &errors);
-  int best = -1;
-  float least = std::numeric_limits<float>::infinity();
-  for (std::size_t c = 0; c < errors.size(); ++c) {
-    if (errors[c] >= least) continue;
-    if (matching.is_matched(Other(from), static_cast<int>(c))) continue;
-    least = errors[c];
-    best = static_cast<int>(c);
-  }
-  return best;
+  return matching.LeastUnmatched(
+      Other(from),
+      Eigen::Map<const Eigen::ArrayXf>(
+          errors.data(), static_cast<Eigen::Index>(errors.size())));
 }
 
 std::vector<int> CandidateSearch::NearBestBasisPoints(const Matching& matching,

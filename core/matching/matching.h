@@ -71,6 +71,11 @@ class Matching {
   /// farthest point sampling with respect to the matches (Section 3.3.1).
   int FarthestUnmatched(Side side) const;
 
+  /// The unmatched point of least value, ties by smallest index; -1 when all
+  /// are matched. `values`: one for each point of the pool.
+  int LeastUnmatched(Side side,
+                     const Eigen::Ref<const Eigen::ArrayXf>& values) const;
+
   /// Of `points`, the unmatched one nearest to any match; ties by order; -1
   /// when all are matched.
   int NearestUnmatched(Side side, const std::vector<int>& points) const;
@@ -82,6 +87,9 @@ class Matching {
                        std::vector<float>* errors) const;
   /// The same for all points of the other pool.
   void EmbeddingErrors(Side side, int point, std::vector<float>* errors) const;
+  /// The same for its first `count` points.
+  void EmbeddingErrors(Side side, int point, int count,
+                       std::vector<float>* errors) const;
 
   /// Change of the energy if matches i and j exchanged their images on Y.
   double SwapChange(int i, int j) const;

@@ -1,6 +1,7 @@
 #include "core/mesh/connected_ball.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "core/base/parallel.h"
 
@@ -12,20 +13,24 @@ constexpr std::int64_t kIndicesPerTask = 256;
 }  // namespace
 
 ConnectedBall::ConnectedBall(const TriangleMesh& mesh, const VertexStars& stars)
-    : mesh_(mesh), stars_(stars), visited_(mesh.num_vertices(), 0) {}
+    : stars_(stars),
+      positions_(mesh.positions.transpose()),
+      visited_(mesh.num_vertices(), 0) {}
 
 const std::vector<ConnectedBall::Member>& ConnectedBall::Around(
     VertexIndex center, double radius) {
   ++visit_;
   members_.assign(1, {center, 0});
   visited_[center] = visit_;
+  const Eigen::Vector3d middle = positions_.col(center);
   for (std::size_t i = 0; i < members_.size(); ++i) {
     for (const VertexIndex v : stars_.Neighbors(members_[i].vertex)) {
       if (visited_[v] == visit_) continue;
       visited_[v] = visit_;
-      const double distance =
-          (mesh_.positions.row(v) - mesh_.positions.row(center)).norm();
-      if (distance < radius) members_.push_back({v, distance});
+      const double squared = (positions_.col(v) - middle).squaredNorm();
+      if (squared < radius * radius) {
+        members_.push_back({v, std::sqrt(squared)});
+      }
     }
   }
   return members_;

@@ -32,8 +32,8 @@ class ConnectedBall {
   const std::vector<Member>& Around(VertexIndex center, double radius);
 
  private:
-  const TriangleMesh& mesh_;
   const VertexStars& stars_;
+  const Eigen::Matrix3Xd positions_;  ///< one by one in memory
   std::vector<Member> members_;
   std::uint32_t visit_ = 0;
   std::vector<std::uint32_t> visited_;  ///< the last visit of each vertex

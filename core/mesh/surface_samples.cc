@@ -43,6 +43,18 @@ VertexIndex DescendOverEdges(const PointsOnSurface& x, const PointsOnSurface& y,
   return best;
 }
 
+absl::StatusOr<VertexMap> DescendFromMap(const PointsOnSurface& x,
+                                         const PointsOnSurface& y,
+                                         const VertexMap& before,
+                                         const std::stop_token& stop) {
+  VertexMap found(before.size());
+  const auto n = static_cast<VertexIndex>(before.size());
+  ISOMATCH_RETURN_IF_ERROR(ParallelForVertices(n, stop, [&](VertexIndex v) {
+    found[v] = DescendOverEdges(x, y, v, before[v], before);
+  }));
+  return found;
+}
+
 std::vector<VertexIndex> EvenlyByArea(const Eigen::VectorXd& areas,
                                       std::int64_t count) {
   std::vector<VertexIndex> chosen;
@@ -95,11 +107,7 @@ absl::StatusOr<VertexMap> NearestBySamples(const PointsOnSurface& x,
     const int home = std::max(samples_x.home[v], 0);
     nearest_y[v] = DescendOverEdges(x, y, v, samples_y[nearest[home]], {});
   }));
-  const VertexMap before = nearest_y;
-  ISOMATCH_RETURN_IF_ERROR(ParallelForVertices(n, stop, [&](VertexIndex v) {
-    nearest_y[v] = DescendOverEdges(x, y, v, before[v], before);
-  }));
-  return nearest_y;
+  return DescendFromMap(x, y, nearest_y, stop);
 }
 
 absl::StatusOr<VertexMap> NearestOnSurface(const PointsOnSurface& x,

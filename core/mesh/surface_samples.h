@@ -47,6 +47,14 @@ VertexIndex DescendOverEdges(const PointsOnSurface& x, const PointsOnSurface& y,
                              VertexIndex vertex, VertexIndex start,
                              const VertexMap& before);
 
+/// DescendOverEdges of every vertex, from its own image in `before` and those
+/// of its neighbours. CANCELLED after `stop`. Time O(n) for maps that are
+/// nearly right.
+absl::StatusOr<VertexMap> DescendFromMap(const PointsOnSurface& x,
+                                         const PointsOnSurface& y,
+                                         const VertexMap& before,
+                                         const std::stop_token& stop);
+
 /// Returns for each vertex of X the vertex of Y with the nearest point.
 ///
 /// Up to 10^8 pairs of vertices all are compared. Beyond, samples of both are,

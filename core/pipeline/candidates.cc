@@ -21,8 +21,10 @@ constexpr int kJudgedRounds = 10;
 constexpr int kRoundsPerStiffness = 2;
 /// Scales of the wavelet filter.
 constexpr int kWaveletScales = 6;
-/// How far DescriptorOffsets looks.
+/// How far DescriptorOffsets looks, and for one of how many vertices: what it
+/// finds is averaged over neighbourhoods.
 constexpr double kOffsetReach = 0.12;
+constexpr std::int64_t kOffsetEvery = 3;
 /// A descriptor's ball holds some rings of the coarser mesh.
 constexpr double kLeastEdgesInRadius = 3;
 /// Below these, factors of the rank value are rounding.
@@ -31,10 +33,17 @@ constexpr double kPerfectFit = 1e-4;
 /// Of what cannot be laid out at all.
 constexpr double kNoFit = 1e6;
 
-AlignmentShape ShapeOf(const PreparedMesh& prepared) {
+AlignmentShape ShapeOf(const PreparedMesh& prepared,
+                       const PointColumns& functions) {
   const WorkingMesh& solved = prepared.solved();
-  return {solved.mesh, solved.normals, prepared.laplacian, prepared.spectral,
+  return {solved.mesh, solved.normals, prepared.laplacian, functions,
           solved.stars};
+}
+
+int BasisSize(const PreparedMesh& x, const PreparedMesh& y,
+              const MatchOptions& options) {
+  return std::min(
+      {options.alignment_basis, x.spectral.size(), y.spectral.size()});
 }
 
 DescribedSurface SurfaceOf(const PreparedMesh& prepared) {
@@ -82,8 +91,11 @@ absl::Status Describe(const MatchOptions& options, const std::stop_token& stop,
 CandidateChoice::CandidateChoice(const PreparedMesh& x, const PreparedMesh& y,
                                  const MatchOptions& options,
                                  const std::stop_token& stop)
-    : x_(ShapeOf(x)),
-      y_(ShapeOf(y)),
+    : functions_{FunctionColumns(x.spectral, BasisSize(x, y, options)),
+                 FunctionColumns(y.spectral, BasisSize(x, y, options))},
+      spectral_{&x.spectral, &y.spectral},
+      x_(ShapeOf(x, functions_[kX])),
+      y_(ShapeOf(y, functions_[kY])),
       surface_x_(SurfaceOf(x)),
       surface_y_(SurfaceOf(y)),
       oriented_(x.solved().oriented && y.solved().oriented),
@@ -108,11 +120,15 @@ absl::Status CandidateChoice::DescribeAlike() {
 /// Looks for the most alike vertices near the images, then lets the wavelet
 /// filter find the smooth map behind those noisy matches.
 absl::Status CandidateChoice::Filter(VertexMap* y_from_x) const {
-  const int k = std::min(
-      {options_.alignment_basis, x_.spectral.size(), y_.spectral.size()});
+  const SpectralBasis& spectral_x = *spectral_[kX];
+  const SpectralBasis& spectral_y = *spectral_[kY];
+  const auto k = static_cast<int>(x_.functions.rows());
   const Eigen::MatrixXd filter =
-      WaveletFilter(x_.spectral.eigenvalues.head(k),
-                    y_.spectral.eigenvalues.head(k), kWaveletScales);
+      WaveletFilter(spectral_x.eigenvalues.head(k),
+                    spectral_y.eigenvalues.head(k), kWaveletScales);
+  PointColumns carried(k, y_.functions.cols());
+  const PointsOnSurface points_x = {x_.stars, x_.laplacian.mass, x_.functions};
+  const PointsOnSurface points_y = {y_.stars, y_.laplacian.mass, carried};
   VertexMap matches = *y_from_x;
   if (described() && options_.wavelet_rounds > 0) {
     ISOMATCH_ASSIGN_OR_RETURN(
@@ -121,14 +137,11 @@ absl::Status CandidateChoice::Filter(VertexMap* y_from_x) const {
   }
   for (int round = 0; round < options_.wavelet_rounds; ++round) {
     const Eigen::MatrixXd fmap_x_from_y =
-        FunctionalMapFromVertexMap(x_.spectral, y_.spectral, matches, k)
+        FunctionalMapFromVertexMap(spectral_x, spectral_y, matches, k)
             .cwiseProduct(filter);
-    const SpectralPoints points =
-        PointsOfFunctionalMap(x_.spectral, y_.spectral, fmap_x_from_y);
-    ISOMATCH_ASSIGN_OR_RETURN(
-        matches,
-        NearestOnSurface({x_.stars, x_.laplacian.mass, points.x},
-                         {y_.stars, y_.laplacian.mass, points.y}, stop_));
+    CarryOver(fmap_x_from_y.cast<float>(), y_.functions, carried);
+    ISOMATCH_ASSIGN_OR_RETURN(matches,
+                              NearestOnSurface(points_x, points_y, stop_));
     *y_from_x = matches;
   }
   return absl::OkStatus();
@@ -225,7 +238,7 @@ absl::StatusOr<std::vector<float>> CandidateChoice::DescriptorOffsets(
   ISOMATCH_ASSIGN_OR_RETURN(
       const VertexMap alike,
       MatchNearby(*descriptors_[kX], *descriptors_[kY], surface_y_, y_from_x,
-                  {.reach = kOffsetReach}, stop_));
+                  {.reach = kOffsetReach, .every = kOffsetEvery}, stop_));
   for (std::size_t x = 0; x < alike.size(); ++x) {
     if (alike[x] == kNoVertex) continue;
     offsets[x] = static_cast<float>(

@@ -82,6 +82,8 @@ class CandidateChoice {
                      MapScores* scores) const;
   bool described() const { return oriented_ && options_.descriptor_radius > 0; }
 
+  const std::array<PointColumns, 2> functions_;
+  const std::array<const SpectralBasis*, 2> spectral_;
   const AlignmentShape x_;
   const AlignmentShape y_;
   const DescribedSurface surface_x_;

@@ -155,15 +155,15 @@ absl::StatusOr<LiftedMap> LiftMap(const PreparedMesh& x, const PreparedMesh& y,
   const Eigen::VectorXd no_areas;
   const PointsOnSurface from = {x.full.stars, no_areas, columns_x};
   const PointsOnSurface to = {y.full.stars, no_areas, columns_y};
-  LiftedMap lifted = {VertexMap(n), std::vector<SurfacePoint>(n)};
+  VertexMap before(n);
   ISOMATCH_RETURN_IF_ERROR(ParallelForVertices(n, stop, [&](VertexIndex v) {
     const VertexIndex corner = Nearest(embedding.faces, embedding.points[v]);
-    lifted.y_from_x[v] =
-        DescendOverEdges(from, to, v, images.vertices[corner], {});
+    before[v] = DescendOverEdges(from, to, v, images.vertices[corner], {});
   }));
-  const VertexMap before = lifted.y_from_x;
+  LiftedMap lifted = {{}, std::vector<SurfacePoint>(n)};
+  ISOMATCH_ASSIGN_OR_RETURN(lifted.y_from_x,
+                            DescendFromMap(from, to, before, stop));
   ISOMATCH_RETURN_IF_ERROR(ParallelForVertices(n, stop, [&](VertexIndex v) {
-    lifted.y_from_x[v] = DescendOverEdges(from, to, v, before[v], before);
     lifted.points[v] =
         NearestOnFaces(y.full.mesh, y.full.stars.Faces(lifted.y_from_x[v]),
                        laid_out.positions.row(v));

@@ -93,25 +93,65 @@ Eigen::MatrixXd FunctionalMapFromVertexMap(
   return normal.ldlt().solve(sums[0].right);
 }
 
-SpectralPoints PointsOfFunctionalMap(const SpectralBasis& spectral_x,
-                                     const SpectralBasis& spectral_y,
-                                     const Eigen::MatrixXd& fmap_x_from_y) {
-  SpectralPoints points;
-  points.x = spectral_x.functions.leftCols(fmap_x_from_y.rows())
-                 .transpose()
-                 .cast<float>();
-  points.y = (fmap_x_from_y *
-              spectral_y.functions.leftCols(fmap_x_from_y.cols()).transpose())
-                 .cast<float>();
-  return points;
+PointColumns FunctionColumns(const SpectralBasis& spectral, int k) {
+  return spectral.functions.leftCols(k).transpose().cast<float>();
+}
+
+Eigen::MatrixXf DenseFunctionalMap(
+    const Eigen::Ref<const PointColumns>& functions_x,
+    const Eigen::VectorXd& mass_x,
+    const Eigen::Ref<const PointColumns>& functions_y,
+    const VertexMap& y_from_x) {
+  const Eigen::Index k = functions_x.rows();
+  const auto n = static_cast<Eigen::Index>(y_from_x.size());
+  const Eigen::Index parts =
+      std::clamp<Eigen::Index>((n + kBlock - 1) / kBlock, 1, kParts);
+  std::vector<Eigen::MatrixXf> sums(parts);
+  const auto sum_up = [&](std::int64_t part) {
+    sums[part] = Eigen::MatrixXf::Zero(k, k);
+    const Eigen::Index end = (part + 1) * n / parts;
+    Eigen::MatrixXf images(k, kBlock);
+    for (Eigen::Index begin = part * n / parts; begin < end; begin += kBlock) {
+      const Eigen::Index count = std::min(kBlock, end - begin);
+      for (Eigen::Index i = 0; i < count; ++i) {
+        images.col(i) = static_cast<float>(mass_x[begin + i]) *
+                        functions_y.col(y_from_x[begin + i]);
+      }
+      sums[part].noalias() += functions_x.middleCols(begin, count) *
+                              images.leftCols(count).transpose();
+    }
+  };
+  // Never asked to stop: milliseconds.
+  ParallelFor(parts, std::stop_token(), sum_up).IgnoreError();
+  for (Eigen::Index part = 1; part < parts; ++part) sums[0] += sums[part];
+  return sums[0];
+}
+
+void CarryOver(const Eigen::MatrixXf& fmap_x_from_y,
+               const Eigen::Ref<const PointColumns>& functions_y,
+               Eigen::Ref<PointColumns> carried) {
+  const Eigen::Index n = functions_y.cols();
+  const auto carry = [&](std::int64_t block) {
+    const Eigen::Index begin = block * kBlock;
+    const Eigen::Index count = std::min(kBlock, n - begin);
+    carried.middleCols(begin, count).noalias() =
+        fmap_x_from_y * functions_y.middleCols(begin, count);
+  };
+  // Never asked to stop: milliseconds.
+  ParallelFor((n + kBlock - 1) / kBlock, std::stop_token(), carry)
+      .IgnoreError();
 }
 
 absl::StatusOr<VertexMap> VertexMapFromFunctionalMap(
     const SpectralBasis& spectral_x, const SpectralBasis& spectral_y,
     const Eigen::MatrixXd& fmap_x_from_y, const std::stop_token& stop) {
-  const SpectralPoints points =
-      PointsOfFunctionalMap(spectral_x, spectral_y, fmap_x_from_y);
-  return NearestColumns(points.x, points.y, stop);
+  const PointColumns carried =
+      (fmap_x_from_y *
+       spectral_y.functions.leftCols(fmap_x_from_y.cols()).transpose())
+          .cast<float>();
+  return NearestColumns(
+      FunctionColumns(spectral_x, static_cast<int>(fmap_x_from_y.rows())),
+      carried, stop);
 }
 
 }  // namespace isomatch

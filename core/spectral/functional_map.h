@@ -28,16 +28,22 @@ Eigen::MatrixXd FunctionalMapFromVertexMap(
     const SpectralBasis& spectral_x, const SpectralBasis& spectral_y,
     absl::Span<const VertexIndex> y_from_x, int k);
 
-/// The points in X's basis that VertexMapFromFunctionalMap compares, one vertex
-/// a column: those of X's vertices are its functions' values, those of Y's are
-/// carried over by the functional map.
-struct SpectralPoints {
-  PointColumns x;
-  PointColumns y;
-};
-SpectralPoints PointsOfFunctionalMap(const SpectralBasis& spectral_x,
-                                     const SpectralBasis& spectral_y,
-                                     const Eigen::MatrixXd& fmap_x_from_y);
+/// The first k functions in single precision, the values at a vertex side by
+/// side: what loops over maps read fastest.
+PointColumns FunctionColumns(const SpectralBasis& spectral, int k);
+
+/// FunctionalMapFromVertexMap of a dense map in single precision, from
+/// FunctionColumns of equally many functions and the mass of X.
+Eigen::MatrixXf DenseFunctionalMap(
+    const Eigen::Ref<const PointColumns>& functions_x,
+    const Eigen::VectorXd& mass_x,
+    const Eigen::Ref<const PointColumns>& functions_y,
+    const VertexMap& y_from_x);
+
+/// Sets *carried to fmap_x_from_y * functions_y: Y's vertices in X's basis.
+void CarryOver(const Eigen::MatrixXf& fmap_x_from_y,
+               const Eigen::Ref<const PointColumns>& functions_y,
+               Eigen::Ref<PointColumns> carried);
 
 /// Returns the vertex map of a functional map: each vertex x goes to the y
 /// whose delta function is nearest in X's basis, argmin_y |C Phi_Y(y) -

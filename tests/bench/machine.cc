@@ -1,14 +1,11 @@
 #include "tests/bench/machine.h"
 
-#include <malloc.h>
 #include <sys/resource.h>
 
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <fstream>
 #include <functional>
-#include <string>
 #include <vector>
 
 #include <Eigen/Core>
@@ -19,17 +16,6 @@ namespace isomatch::bench {
 namespace {
 
 constexpr std::int64_t kBlocks = 64;
-
-/// A figure of /proc/self/status in bytes.
-std::int64_t StatusBytes(const std::string& name) {
-  std::ifstream status("/proc/self/status");
-  std::string word;
-  std::int64_t kilobytes = 0;
-  while (status >> word) {
-    if (word == name + ":" && status >> kilobytes) return 1024 * kilobytes;
-  }
-  return 0;
-}
 
 double Seconds(const timeval& time) {
   return double(time.tv_sec) + 1e-6 * double(time.tv_usec);
@@ -58,14 +44,6 @@ double BestSeconds(const std::function<void()>& body) {
     best = std::min(best, WallSeconds() - begin);
   }
   return best;
-}
-
-std::int64_t ResidentBytes() { return StatusBytes("VmRSS"); }
-std::int64_t PeakResidentBytes() { return StatusBytes("VmHWM"); }
-
-void ResetPeakResidentBytes() {
-  malloc_trim(0);
-  std::ofstream("/proc/self/clear_refs") << "5";
 }
 
 MachineLimits MeasureMachine() {

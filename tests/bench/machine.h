@@ -1,6 +1,5 @@
 #pragma once
 
-#include <cstdint>
 #include <functional>
 
 namespace isomatch::bench {
@@ -11,13 +10,6 @@ double CpuSeconds();
 
 /// Wall seconds of the quickest of three runs.
 double BestSeconds(const std::function<void()>& body);
-
-/// Bytes this process holds in memory now, and the most it held since the last
-/// reset (Linux; 0 elsewhere).
-std::int64_t ResidentBytes();
-std::int64_t PeakResidentBytes();
-/// Gives freed memory back and forgets the peak.
-void ResetPeakResidentBytes();
 
 /// What this machine can do now, all cores at once.
 struct MachineLimits {

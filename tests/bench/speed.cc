@@ -16,9 +16,11 @@
 #include "core/evaluation/geodesic_error.h"
 #include "core/geodesic/basis_points.h"
 #include "core/pipeline/matcher.h"
+#include "core/pipeline/prepared_mesh.h"
 #include "tests/bench/kernels.h"
 #include "tests/bench/machine.h"
 #include "tests/bench/pair_set.h"
+#include "tests/support/process_memory.h"
 
 namespace isomatch::bench {
 namespace {
@@ -177,9 +179,9 @@ absl::StatusOr<MeshPair> SamplePair(int vertices) {
 /// Vertices that a stage works on, times sources for the distance fields.
 double UnitsOf(Stage stage, const PairCost& cost, const MatchOptions& options) {
   if (stage != Stage::kGeodesics) return 2.0 * cost.vertices;
-  const bool decimated = options.solved_vertices > 0 &&
-                         cost.vertices > 1.1 * options.solved_vertices;
-  const int solved = decimated ? options.solved_vertices : cost.vertices;
+  const int solved = IsDecimated(cost.vertices, options)
+                         ? options.solved_vertices
+                         : cost.vertices;
   return 2.0 * solved * BasisPoints::DefaultCount(solved);
 }
 

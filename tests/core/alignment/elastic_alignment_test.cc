@@ -6,6 +6,7 @@
 
 #include "core/base/random_stream.h"
 #include "core/mesh/mesh_geometry.h"
+#include "core/spectral/functional_map.h"
 #include "tests/support/matchers.h"
 #include "tests/support/shapes.h"
 
@@ -18,17 +19,17 @@ struct Prepared {
     mesh.positions /= std::sqrt(SurfaceArea(mesh));
     normals = VertexNormals(mesh);
     laplacian = BuildCotanLaplacian(mesh);
-    spectral = *ComputeSpectralBasis(laplacian, 40, {});
+    functions = FunctionColumns(*ComputeSpectralBasis(laplacian, 40, {}), 40);
     stars = VertexStars(mesh);
   }
   AlignmentShape shape() const {
-    return {mesh, normals, laplacian, spectral, stars};
+    return {mesh, normals, laplacian, functions, stars};
   }
 
   TriangleMesh mesh;
   Positions normals;
   CotanLaplacian laplacian;
-  SpectralBasis spectral;
+  PointColumns functions;
   VertexStars stars;
 };
 

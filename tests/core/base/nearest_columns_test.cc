@@ -1,5 +1,7 @@
 #include "core/base/nearest_columns.h"
 
+#include <cmath>
+
 #include <gtest/gtest.h>
 
 #include "core/base/random_stream.h"
@@ -29,6 +31,33 @@ TEST(NearestColumnsTest, AgreesWithBruteForceAcrossBlocks) {
         .squaredNorm()
         .minCoeff(&expected);
     EXPECT_EQ((*nearest)[q], expected) << "query " << q;
+  }
+}
+
+TEST(NearestColumnsTest, PassesOverOnlyWhatIsFartherAway) {
+  // A curve far from the origin, its points in order: most are passed over.
+  const auto on_curve = [](int count, double shift) {
+    PointColumns points(6, count);
+    for (int i = 0; i < count; ++i) {
+      const double t = 20 * (i + shift) / count;
+      for (int d = 0; d < 6; ++d) {
+        points(d, i) = static_cast<float>(30 + std::sin(t * (1 + 0.3 * d)));
+      }
+    }
+    return points;
+  };
+  const PointColumns queries = on_curve(700, 0.3);
+  const PointColumns points = on_curve(1001, 0);
+  const auto nearest = NearestColumns(queries, points, {});
+  ASSERT_THAT(nearest, IsOk());
+  const Eigen::MatrixXd exact = points.cast<double>();
+  for (Eigen::Index q = 0; q < queries.cols(); ++q) {
+    const Eigen::VectorXd query = queries.col(q).cast<double>();
+    const double least =
+        (exact.colwise() - query).colwise().squaredNorm().minCoeff();
+    // Single-precision products of norms of about 5400.
+    EXPECT_LT((exact.col((*nearest)[q]) - query).squaredNorm(), least + 5e-3)
+        << "query " << q;
   }
 }
 

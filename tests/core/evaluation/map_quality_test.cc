@@ -5,6 +5,7 @@
 
 #include <gtest/gtest.h>
 
+#include "core/geodesic/farthest_point_sampling.h"
 #include "tests/support/matchers.h"
 #include "tests/support/shapes.h"
 
@@ -17,10 +18,16 @@ VertexMap Identity(VertexIndex n) {
   return map;
 }
 
+BasisPoints BasisOf(const TriangleMesh& mesh) {
+  const DistanceFieldSolver solver(mesh);
+  return *BasisPoints::Create(solver, *FarthestPoints(solver, 30, {}), {}, {});
+}
+
 TEST(MapQualityTest, TheIdentityIsPerfect) {
   const TriangleMesh mesh = FiveArms(3);
   const auto measures =
-      MeasureMap(mesh, mesh, Identity(mesh.num_vertices()), mesh.positions, {});
+      MeasureMap(mesh, BasisOf(mesh), mesh, Identity(mesh.num_vertices()),
+                 mesh.positions, {});
   ASSERT_THAT(measures, IsOk());
   EXPECT_NEAR(measures->geodesic_distortion, 0, 1e-6);
   EXPECT_EQ(measures->coverage, 1);
@@ -33,7 +40,8 @@ TEST(MapQualityTest, AreaDistortionOfAStretchIsItsLogarithm) {
   Positions stretched = plane.positions;
   stretched.col(0) *= 2;
   const auto measures =
-      MeasureMap(plane, plane, Identity(plane.num_vertices()), stretched, {});
+      MeasureMap(plane, BasisOf(plane), plane, Identity(plane.num_vertices()),
+                 stretched, {});
   ASSERT_THAT(measures, IsOk());
   EXPECT_NEAR(measures->area_distortion, std::log(2.0), 1e-9);
 }
@@ -45,8 +53,8 @@ TEST(MapQualityTest, CoverageIsTheAreaThatImagesReach) {
   for (VertexIndex v = 0; v < plane.num_vertices(); ++v) {
     if (v % 41 > 20) map[v] = v - v % 41 + 20;
   }
-  const auto measures =
-      MeasureMap(plane, plane, map, plane.positions(map, Eigen::all), {});
+  const auto measures = MeasureMap(plane, BasisOf(plane), plane, map,
+                                   plane.positions(map, Eigen::all), {});
   ASSERT_THAT(measures, IsOk());
   EXPECT_GT(measures->coverage, 0.5);
   EXPECT_LT(measures->coverage, 0.6);
@@ -59,8 +67,8 @@ TEST(MapQualityTest, DistortionsPointAtTheVerticesThatWentAstray) {
   mesh.positions.rowwise().norm().maxCoeff(&tip);
   const auto astray = static_cast<VertexIndex>(tip);
   map[astray] = 0;
-  const auto measures =
-      MeasureMap(mesh, mesh, map, mesh.positions(map, Eigen::all), {});
+  const auto measures = MeasureMap(mesh, BasisOf(mesh), mesh, map,
+                                   mesh.positions(map, Eigen::all), {});
   ASSERT_THAT(measures, IsOk());
   for (VertexIndex v = 0; v < mesh.num_vertices(); ++v) {
     if (v != astray) {

@@ -1,5 +1,4 @@
 #include <cstdint>
-#include <fstream>
 #include <limits>
 #include <string>
 #include <utility>
@@ -8,28 +7,15 @@
 
 #include "core/pipeline/matcher.h"
 #include "tests/support/matchers.h"
+#include "tests/support/process_memory.h"
 #include "tests/support/shapes.h"
 
 namespace isomatch {
 namespace {
 
-/// A figure of /proc/self/status in bytes.
-std::int64_t ProcessBytes(const std::string& name) {
-  std::ifstream status("/proc/self/status");
-  std::string word;
-  std::int64_t kilobytes = 0;
-  while (status >> word) {
-    if (word == name + ":" && status >> kilobytes) return 1024 * kilobytes;
-  }
-  return 0;
-}
-
 MeshSize SizeOf(const TriangleMesh& mesh) {
   return {mesh.num_vertices(), mesh.num_faces()};
 }
-
-/// Forgets the high-water mark of what ran before in this process.
-void ResetHighWaterMark() { std::ofstream("/proc/self/clear_refs") << "5"; }
 
 class MemoryEstimateTest
     : public testing::TestWithParam<std::pair<Profile, int>> {};
@@ -43,10 +29,10 @@ TEST_P(MemoryEstimateTest, IsAnUpperBoundAndNotAWildOne) {
   const TriangleMesh y = Moved(x, 2);
   MatchOptions options = MatchOptions::ForProfile(profile);
   if (profile == Profile::kPaper) options.max_seeds = 6;
-  ResetHighWaterMark();
-  const std::int64_t before = ProcessBytes("VmRSS");
+  ResetPeakResidentBytes();
+  const std::int64_t before = ResidentBytes();
   ASSERT_THAT(Match(x, y, {}, options), IsOk());
-  const std::int64_t measured = ProcessBytes("VmHWM") - before;
+  const std::int64_t measured = PeakResidentBytes() - before;
   const std::int64_t estimate =
       EstimateMemoryBytes(SizeOf(x), SizeOf(y), 0, options);
   RecordProperty("measured_bytes", std::to_string(measured));

@@ -58,6 +58,27 @@ TEST(FunctionalMapTest, PartOfTheVerticesDeterminesIt) {
   EXPECT_LT((fmap - Eigen::MatrixXd::Identity(10, 10)).norm(), 1e-3);
 }
 
+TEST(DenseFunctionalMapTest, IsThatOfTheMapInSinglePrecision) {
+  // More vertices than go into one block.
+  const TriangleMesh mesh = FiveArms(4);
+  const VertexIndex n = mesh.num_vertices();
+  const SpectralBasis basis = BasisOf(mesh, 25);
+  const PointColumns columns = FunctionColumns(basis, 20);
+  VertexMap map;
+  for (VertexIndex v = 0; v < n; ++v) map.push_back((v * 7 + 3) % n);
+  const Eigen::MatrixXf fmap =
+      DenseFunctionalMap(columns, basis.mass, columns, map);
+  const Eigen::MatrixXd expected =
+      FunctionalMapFromVertexMap(basis, basis, map, 20);
+  EXPECT_LT((fmap.cast<double>() - expected).cwiseAbs().maxCoeff(), 1e-4);
+  PointColumns carried(20, n);
+  CarryOver(fmap, columns, carried);
+  const Eigen::MatrixXd carried_slowly =
+      expected * basis.functions.leftCols(20).transpose();
+  EXPECT_LT((carried.cast<double>() - carried_slowly).cwiseAbs().maxCoeff(),
+            1e-3 * carried_slowly.cwiseAbs().maxCoeff());
+}
+
 TEST(FunctionalMapTest, RelabellingIsUndoneByTheVertexMap) {
   const TriangleMesh mesh = FiveArms(3);
   const auto permutation = RandomPermutation(mesh.num_vertices(), /*seed=*/4);
