@@ -42,13 +42,14 @@ constexpr float kLandmarkTolerance = 0.1f;
 /// it left in the members.
 class Matcher {
  public:
-  Matcher(const PreparedMesh& x, const PreparedMesh& y,
+  Matcher(const PreparedMesh& x, PreparedMesh* own_x, const PreparedMesh& y,
           absl::Span<const Landmark> landmarks, const MatchOptions& options,
           ProgressReporter* progress, const std::stop_token& stop)
       : user_landmarks_(landmarks),
         options_(options),
         progress_(*progress),
         stop_(stop),
+        own_x_(own_x),
         shapes_{&x, &y} {}
 
   absl::StatusOr<Correspondence> Run() {
@@ -254,10 +255,10 @@ class Matcher {
     // A mirrored map, as landmarks may want it, is an elastic motion of the
     // mirror image only.
     if (oriented() && best().scores.orientation_score < 0) {
-      reflected_.emplace(shape(kX));
-      Reflect(&*reflected_);
-      ISOMATCH_RETURN_IF_ERROR(Describe(options_, stop_, &*reflected_));
-      shapes_[kX] = &*reflected_;
+      if (own_x_ == nullptr) own_x_ = &reflected_.emplace(shape(kX));
+      Reflect(own_x_);
+      ISOMATCH_RETURN_IF_ERROR(Describe(options_, stop_, own_x_));
+      shapes_[kX] = own_x_;
     }
     choice_.emplace(shape(kX), shape(kY), options_, stop_);
     ISOMATCH_ASSIGN_OR_RETURN(
@@ -455,9 +456,11 @@ class Matcher {
   ProgressReporter& progress_;
   const std::stop_token& stop_;
 
+  PreparedMesh* own_x_;
+
   // State, an entry a side, in order of the stages that make it.
   std::array<const PreparedMesh*, 2> shapes_;
-  std::optional<PreparedMesh> reflected_;  ///< X, where that is matched
+  std::optional<PreparedMesh> reflected_;  ///< of an X that is not our own
   std::vector<WorkingLandmark> landmarks_;
   std::vector<WorkingLandmark> followers_;  ///< WorkingLandmark::follows
   std::array<std::optional<Closeness>, 2> closeness_;
@@ -473,13 +476,11 @@ class Matcher {
 
 }  // namespace
 
-absl::StatusOr<Correspondence> RunMatch(const PreparedMesh& x,
-                                        const PreparedMesh& y,
-                                        absl::Span<const Landmark> landmarks,
-                                        const MatchOptions& options,
-                                        ProgressReporter* progress,
-                                        const std::stop_token& stop) {
-  return Matcher(x, y, landmarks, options, progress, stop).Run();
+absl::StatusOr<Correspondence> RunMatch(
+    const PreparedMesh& x, PreparedMesh* own_x, const PreparedMesh& y,
+    absl::Span<const Landmark> landmarks, const MatchOptions& options,
+    ProgressReporter* progress, const std::stop_token& stop) {
+  return Matcher(x, own_x, y, landmarks, options, progress, stop).Run();
 }
 
 }  // namespace isomatch

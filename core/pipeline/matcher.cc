@@ -27,8 +27,8 @@ absl::StatusOr<Correspondence> MatchClean(CleanMesh mesh_x, CleanMesh mesh_y,
   std::array<PreparedMesh, 2> prepared;
   ISOMATCH_RETURN_IF_ERROR(PrepareMeshes({std::move(mesh_x), std::move(mesh_y)},
                                          options, &reporter, stop, &prepared));
-  return RunMatch(prepared[kX], prepared[kY], landmarks, options, &reporter,
-                  stop);
+  return RunMatch(prepared[kX], &prepared[kX], prepared[kY], landmarks, options,
+                  &reporter, stop);
 }
 
 /// Part by part where there are several.
@@ -176,7 +176,7 @@ absl::StatusOr<Correspondence> MatchPrepared(
     const absl::Status prepared =
         PrepareMeshes({}, options, &reporter, stop, nullptr);
     result = !prepared.ok() ? absl::StatusOr<Correspondence>(prepared)
-                            : RunMatch(own_x.prepared, own_y.prepared,
+                            : RunMatch(own_x.prepared, nullptr, own_y.prepared,
                                        landmarks, options, &reporter, stop);
   });
   return result;

@@ -20,9 +20,9 @@ namespace {
 // Bytes, as doubles: products of hostile sizes must not wrap.
 
 /// Code pages, allocator slack and thread stacks that appear with a first run.
-constexpr double kFixed = 24e6;
+constexpr double kFixed = 12e6;
 /// A ConnectedBall, and what a large one holds.
-constexpr double kBallPerVertex = 8;
+constexpr double kBallPerVertex = 40;
 /// A distance field workspace: distances, touched vertices, buckets.
 constexpr double kWorkspacePerVertex = 80;
 
@@ -35,9 +35,10 @@ struct ShapeBytes {
   double functions;      ///< eigenfunctions, kept to the end
   double pool;           ///< closeness table and frames of the first stage
   double dense_columns;  ///< closeness of every vertex to the sparse matches
-  double zoomout;        ///< single-precision bases
+  double columns;        ///< single-precision bases, and one carried over
   double descriptors;    ///< from the choice to the end
-  double alignment;      ///< features, factor, rotations, normals
+  double features;       ///< of the alignment
+  double surface;        ///< its factor, rotations, normals, of X alone
 };
 
 int FirstStageMatches(std::int64_t num_landmarks, const MatchOptions& options) {
@@ -54,16 +55,15 @@ double PoolSize(MeshSize mesh, std::int64_t num_landmarks,
 }
 
 double LanczosBytes(double n, double m, double count) {
-  // Krylov vectors and their rotated copy, eigenvectors and their copy.
-  const double vectors =
-      8 * n * (1.5 * LanczosSubspace(static_cast<int>(count)) + 2 * count);
+  // Krylov vectors, and those of them that a restart keeps, rotated.
+  const double subspace = LanczosSubspace(static_cast<int>(count));
+  const double vectors = 8 * n * (subspace + 0.5 * (subspace + count));
   // Triplets, stiffness in three forms, the factor: nested growth of about
   // 3 log2(n) entries a row on surfaces.
   const double matrices =
       192 * m + 300 * n + 12 * n * 3 * std::log2(std::max(n, 2.0));
-  constexpr double kDense = 500;
-  const double dense = 40 * std::pow(std::min(n, kDense), 2);
-  return vectors + matrices + dense;
+  return IsSolvedDensely(n, static_cast<int>(count)) ? 40 * n * n
+                                                     : vectors + matrices;
 }
 
 ShapeBytes BytesOf(MeshSize mesh, std::int64_t num_landmarks,
@@ -87,16 +87,16 @@ ShapeBytes BytesOf(MeshSize mesh, std::int64_t num_landmarks,
                             ? 4 * (n + std::min(n, double(kSurfaceSamples))) *
                                   FirstStageMatches(num_landmarks, options)
                             : 0;
-  bytes.zoomout = 2 * 4 * n * count;
+  bytes.columns = 2 * 4 * n * count;
   bytes.descriptors =
       options.alignment_rounds > 0
           ? 4 * kShotSize * std::min(n, double(kDescribedVertices)) + 4 * n
           : 0;
   // Two alignments at once: the best yet and the one under judgement.
-  bytes.alignment = options.alignment_rounds > 0
-                        ? 2 * (4 * n * (count + 6) + 1200 * n + 40 * m +
-                               12 * n * 3 * std::log2(std::max(n, 2.0)))
-                        : 0;
+  const double alignments = options.alignment_rounds > 0 ? 2 : 0;
+  bytes.features = alignments * 4 * n * (count + 6);
+  bytes.surface = alignments * (1200 * n + 40 * m +
+                                12 * n * 3 * std::log2(std::max(n, 2.0)));
   return bytes;
 }
 
@@ -119,13 +119,13 @@ MeshSize SolvedSize(MeshSize mesh, const MatchOptions& options) {
   if (!IsDecimated(mesh.vertices, options)) return mesh;
   // Decimation may leave some more.
   const auto vertices =
-      static_cast<std::int64_t>(1.1 * options.solved_vertices);
+      static_cast<std::int64_t>(1.03 * options.solved_vertices);
   return {vertices, 2 * vertices};
 }
 
 /// What a decimated mesh takes beside the one solved on: at first while it is
-/// cleaned and decimated, then to the end, with a mirror image if that is what
-/// is matched, and what lies where on the other shape.
+/// cleaned and decimated, then to the end, with what lies where on the other
+/// shape.
 struct FullBytes {
   double at_first = 0;
   double later = 0;
@@ -174,9 +174,10 @@ std::int64_t EstimateMemoryBytes(MeshSize x, MeshSize y,
       late + both(&ShapeBytes::pool) + environments +
           MatchingBytes(x, y, num_landmarks, options, threads),
       late + both(&ShapeBytes::dense_columns) + environments,
-      late + both(&ShapeBytes::zoomout),
-      late + both(&ShapeBytes::zoomout) + both(&ShapeBytes::descriptors) +
-          kBallPerVertex * n * threads + both(&ShapeBytes::alignment),
+      late + both(&ShapeBytes::columns),
+      late + both(&ShapeBytes::columns) + both(&ShapeBytes::descriptors) +
+          kBallPerVertex * n * threads + both(&ShapeBytes::features) +
+          bytes_x.surface,
   });
   constexpr double kLargest = 9e18;
   const double with_full = std::max(full_x.at_first + full_y.at_first,

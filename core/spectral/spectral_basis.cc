@@ -18,7 +18,7 @@ namespace isomatch {
 namespace {
 
 /// Meshes up to this size, or bases near it, are solved densely.
-constexpr Eigen::Index kDenseVertices = 500;
+constexpr int kDenseVertices = 500;
 /// Shift below the spectrum that makes L regular, in units of 1 / area.
 constexpr double kShift = 0.01;
 /// Relative error of Ritz values. Far below the error of the discretisation, as
@@ -116,6 +116,10 @@ absl::Status SolveLanczos(const Eigen::SparseMatrix<double>& matrix,
 
 int LanczosSubspace(int count) { return 2 * count + 20; }
 
+bool IsSolvedDensely(double n, int count) {
+  return n <= std::max(kDenseVertices, 2 * count);
+}
+
 absl::StatusOr<SpectralBasis> ComputeSpectralBasis(
     const CotanLaplacian& laplacian, int count, const std::stop_token& stop) {
   ISOMATCH_RETURN_IF_ERROR(CheckNotCancelled(stop));
@@ -124,11 +128,11 @@ absl::StatusOr<SpectralBasis> ComputeSpectralBasis(
   const int wanted = static_cast<int>(std::min<Eigen::Index>(count, n));
   SpectralBasis basis;
   basis.mass = laplacian.mass;
-  const bool dense = n <= std::max<Eigen::Index>(kDenseVertices, 2 * wanted);
-  ISOMATCH_RETURN_IF_ERROR(dense ? SolveDense(matrix, wanted, &basis)
-                                 : SolveLanczos(matrix,
-                                                kShift / laplacian.mass.sum(),
-                                                wanted, stop, &basis));
+  ISOMATCH_RETURN_IF_ERROR(IsSolvedDensely(double(n), wanted)
+                               ? SolveDense(matrix, wanted, &basis)
+                               : SolveLanczos(matrix,
+                                              kShift / laplacian.mass.sum(),
+                                              wanted, stop, &basis));
   basis.functions =
       laplacian.mass.cwiseSqrt().cwiseInverse().asDiagonal() * basis.functions;
   return basis;

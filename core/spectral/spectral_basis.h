@@ -25,6 +25,9 @@ struct SpectralBasis {
 /// Vectors that Lanczos holds to find `count` pairs.
 int LanczosSubspace(int count);
 
+/// Whether a mesh of n vertices is solved densely instead.
+bool IsSolvedDensely(double n, int count);
+
 /// Returns the `count` lowest pairs, or all n when there are fewer, of
 /// L phi = lambda M phi: shift-invert Lanczos (Spectra) on M^-1/2 L M^-1/2,
 /// the factorisation by Eigen's sparse Cholesky; small meshes are solved

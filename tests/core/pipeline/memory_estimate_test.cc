@@ -38,7 +38,7 @@ TEST_P(MemoryEstimateTest, IsAnUpperBoundAndNotAWildOne) {
   RecordProperty("measured_bytes", std::to_string(measured));
   RecordProperty("estimate_bytes", std::to_string(estimate));
   EXPECT_GE(estimate, measured);
-  EXPECT_LE(estimate, 3 * measured + (std::int64_t{64} << 20));
+  EXPECT_LE(estimate, 2 * measured + (std::int64_t{16} << 20));
 }
 
 INSTANTIATE_TEST_SUITE_P(Sizes, MemoryEstimateTest,
