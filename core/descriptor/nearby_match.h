@@ -36,9 +36,9 @@ struct NearbyMatchOptions {
   double distance_weight = 0.05;
 };
 
-/// Returns for each described vertex of X that options.every takes, of those on Y near
-/// where `y_from_x` (dense) sends it, the most alike one; kNoVertex for the
-/// others, and where nothing near is described.
+/// Returns for each described vertex of X that options.every takes, of those on
+/// Y near where `y_from_x` (dense) sends it, the most alike one; kNoVertex for
+/// the others, and where nothing near is described.
 absl::StatusOr<VertexMap> MatchNearby(const ShapeDescriptors& x,
                                       const ShapeDescriptors& y,
                                       const DescribedSurface& surface_y,
