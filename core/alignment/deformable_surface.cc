@@ -54,6 +54,7 @@ DeformableSurface::DeformableSurface(const TriangleMesh& mesh,
     : rotations_(mesh.num_vertices(), Eigen::Matrix3d::Identity()) {
   const Eigen::Matrix3Xd rest = mesh.positions.transpose();
   std::vector<Eigen::Triplet<double>> entries;
+  edges_.reserve(laplacian.stiffness.nonZeros());
   first_edges_.push_back(0);
   for (VertexIndex v = 0; v < mesh.num_vertices(); ++v) {
     using Entry = Eigen::SparseMatrix<double>::InnerIterator;

@@ -15,16 +15,19 @@ namespace {
 constexpr Eigen::Index kQueryBlock = 64;
 /// Points that follow each other and are passed over together.
 constexpr Eigen::Index kGroup = 8;
+/// Of which so many are looked at, however many there are.
+constexpr Eigen::Index kGroupsAtATime = 4096;
 /// Most columns of a product, which so stays in the second-level cache.
 constexpr Eigen::Index kPointBlock = 512;
 /// Of squared lengths: what single-precision products may be wrong by.
-constexpr float kRounding = 1e-4f;
+constexpr float kRounding = 1e-5f;
 
 /// Points in groups of kGroup, each within a ball.
 struct Groups {
   explicit Groups(const PointColumns& points)
       : centers(points.rows(), (points.cols() + kGroup - 1) / kGroup),
-        radii(centers.cols()) {
+        radii(centers.cols()),
+        norms(centers.cols()) {
     for (Eigen::Index g = 0; g < centers.cols(); ++g) {
       const Eigen::Index begin = g * kGroup;
       const auto members =
@@ -35,10 +38,12 @@ struct Groups {
                                .squaredNorm()
                                .maxCoeff());
     }
+    norms = centers.colwise().squaredNorm().transpose();
   }
 
   PointColumns centers;
   Eigen::VectorXf radii;
+  Eigen::VectorXf norms;  ///< squared, of the centres
 };
 
 /// Nearest points of one block of queries.
@@ -53,54 +58,65 @@ class BlockSearch {
     const Eigen::Index count = queries.cols();
     best_.assign(count, std::numeric_limits<float>::infinity());
     std::fill(nearest, nearest + count, 0);
-    const Eigen::VectorXf norms = queries.colwise().squaredNorm().transpose();
-    // Squared distances of the queries from the groups' centres.
-    Eigen::MatrixXf squared = -2 * groups_.centers.transpose() * queries;
-    squared.colwise() += groups_.centers.colwise().squaredNorm().transpose();
-    squared.rowwise() += norms.transpose();
-    // The groups next to a query hold a point that is near already.
-    std::vector<char> taken(groups_.radii.size(), false);
-    for (Eigen::Index q = 0; q < count; ++q) {
-      Eigen::Index group;
-      squared.col(q).minCoeff(&group);
-      taken[group] = true;
+    norms_ = queries.colwise().squaredNorm().transpose();
+    const Eigen::Index groups = groups_.radii.size();
+    for (Eigen::Index first = 0; first < groups; first += kGroupsAtATime) {
+      SearchGroups(queries, first, std::min(kGroupsAtATime, groups - first),
+                   nearest);
     }
-    Compare(queries, taken, nearest);
-    for (Eigen::Index g = 0; g < groups_.radii.size(); ++g) {
-      if (taken[g]) {
-        taken[g] = false;
-        continue;
-      }
-      taken[g] = MayHoldNearer(g, squared, norms);
-    }
-    Compare(queries, taken, nearest);
   }
 
  private:
-  bool MayHoldNearer(Eigen::Index group, const Eigen::MatrixXf& squared,
-                     const Eigen::VectorXf& norms) const {
-    for (Eigen::Index q = 0; q < squared.cols(); ++q) {
+  /// Among `width` groups from `first` on.
+  void SearchGroups(const Eigen::Ref<const PointColumns>& queries,
+                    Eigen::Index first, Eigen::Index width,
+                    VertexIndex* nearest) {
+    // Squared distances of the queries from the groups' centres.
+    squared_.noalias() =
+        -2 * groups_.centers.middleCols(first, width).transpose() * queries;
+    squared_.colwise() += groups_.norms.segment(first, width);
+    squared_.rowwise() += norms_.transpose();
+    // The groups next to a query hold a point that is near already.
+    std::vector<char> taken(width, false);
+    for (Eigen::Index q = 0; q < queries.cols(); ++q) {
+      Eigen::Index group;
+      squared_.col(q).minCoeff(&group);
+      taken[group] = true;
+    }
+    Compare(queries, first, taken, nearest);
+    for (Eigen::Index g = 0; g < width; ++g) {
+      taken[g] = !taken[g] && MayHoldNearer(first, g);
+    }
+    Compare(queries, first, taken, nearest);
+  }
+
+  bool MayHoldNearer(Eigen::Index first, Eigen::Index group) const {
+    const float radius = groups_.radii[first + group];
+    for (Eigen::Index q = 0; q < norms_.size(); ++q) {
+      const float unsure =
+          kRounding * (norms_[q] + groups_.norms[first + group]);
       // |q - p|^2, known as |p|^2 / 2 - q.p.
-      const float least = std::max(norms[q] + 2 * best_[q], 0.0f);
-      const float reach = std::sqrt(least) + groups_.radii[group];
-      if (squared(group, q) <= reach * reach + kRounding * norms[q])
-        return true;
+      const float least = std::max(norms_[q] + 2 * best_[q], 0.0f);
+      const float reach = std::sqrt(least + unsure) + radius;
+      if (!(squared_(group, q) > reach * reach + unsure)) return true;
     }
     return false;
   }
 
   void Compare(const Eigen::Ref<const PointColumns>& queries,
-               const std::vector<char>& taken, VertexIndex* nearest) {
+               Eigen::Index first, const std::vector<char>& taken,
+               VertexIndex* nearest) {
     for (std::size_t g = 0; g < taken.size();) {
       chosen_.clear();
       for (; g < taken.size() &&
              static_cast<Eigen::Index>(chosen_.size()) + kGroup <= kPointBlock;
            ++g) {
         if (!taken[g]) continue;
-        const auto begin = static_cast<Eigen::Index>(g) * kGroup;
+        const auto begin = (first + static_cast<Eigen::Index>(g)) * kGroup;
         const Eigen::Index end = std::min(begin + kGroup, points_.cols());
-        for (Eigen::Index p = begin; p < end; ++p)
+        for (Eigen::Index p = begin; p < end; ++p) {
           chosen_.push_back(static_cast<VertexIndex>(p));
+        }
       }
       if (!chosen_.empty()) CompareChosen(queries, nearest);
     }
@@ -128,7 +144,9 @@ class BlockSearch {
   const PointColumns& points_;
   const Groups& groups_;
   const Eigen::VectorXf& half_norms_;
-  std::vector<float> best_;
+  Eigen::VectorXf norms_;    ///< squared, of the queries
+  std::vector<float> best_;  ///< of each query, |p|^2 / 2 - q.p
+  Eigen::MatrixXf squared_;
   std::vector<VertexIndex> chosen_;
   PointColumns gathered_;
   Eigen::MatrixXf scores_;

@@ -13,12 +13,15 @@ namespace isomatch {
 using PointColumns = Eigen::MatrixXf;
 
 /// Returns for each column of `queries` the nearest column of `points`
-/// (Euclidean), ties by smallest index. Brute force over blocks of a matrix
-/// product, in single precision, which keeps 3-4 digits more than the
-/// descriptors that are compared here mean anything to.
+/// (Euclidean), ties to rounding by smallest index. By matrix products in
+/// single precision, which keeps 3-4 digits more than the descriptors that are
+/// compared here mean anything to. Points that follow each other and lie close
+/// together, as those of vertices in spatial order do, are passed over together
+/// where they cannot be nearest.
 ///
-/// REQUIRES: equal rows, at least one point. Time O(queries points rows),
-/// memory O(points) beyond the arguments. CANCELLED after `stop`.
+/// REQUIRES: equal rows, at least one point. Time O(queries points rows) at
+/// most, memory O(points rows / 8) beyond the arguments. CANCELLED after
+/// `stop`.
 absl::StatusOr<VertexMap> NearestColumns(const PointColumns& queries,
                                          const PointColumns& points,
                                          const std::stop_token& stop);

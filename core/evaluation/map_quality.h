@@ -31,8 +31,8 @@ struct MapMeasures {
 /// are the places on Y that X's vertices go to, y_from_x the vertices next to
 /// them. Distances between components count as the largest finite one.
 ///
-/// Anchors are the first 24 of `basis_x`, farthest points of X whose distance
-/// fields are there. CANCELLED after `stop`. Time O(n).
+/// Anchors are the first 24, or fewer, of `basis_x`, farthest points of X whose
+/// distance fields are there. CANCELLED after `stop`. Time O(n).
 absl::StatusOr<MapMeasures> MeasureMap(const TriangleMesh& mesh_x,
                                        const BasisPoints& basis_x,
                                        const TriangleMesh& mesh_y,

@@ -40,8 +40,8 @@ std::vector<int> ClosestOf(const float* closeness, int size, int self,
   // further. Equal ones stay in order of index, as they come in it.
   std::vector<int> closest;
   std::vector<float> values;
-  closest.reserve(count);
-  values.reserve(count);
+  closest.reserve(std::max(count, 0));
+  values.reserve(std::max(count, 0));
   for (int i = 0; i < size && count > 0; ++i) {
     const float value = closeness[i];
     if (i == self) continue;

@@ -16,11 +16,8 @@
 namespace isomatch {
 namespace {
 
-/// Points of X's pool by whose images maps are told apart, and of Y's among
-/// which those are looked for: farthest points, so near enough to each other to
-/// tell places apart.
+/// Points of X's pool by whose images maps are told apart.
 constexpr int kProbes = 50;
-constexpr int kPlaces = 300;
 /// Two maps send a probe to different places when those are further apart, in
 /// sqrt(area), and are distinct when they do so with more than this fraction of
 /// the probes. Noise of a map is well below the one, half a limb above the
@@ -104,8 +101,10 @@ double Badness(const FirstStageInput& input, const FirstStageOptions& options,
 
 /// About where a map sends a point of X, matched or not: the place on Y with
 /// the least Eq. 8.
-int ImageOf(const Matching& matching, int x, std::vector<float>* errors) {
-  const int places = std::min(kPlaces, matching.pool(kY).size());
+int ImageOf(const FirstStageOptions& options, const Matching& matching, int x,
+            std::vector<float>* errors) {
+  const int all = matching.pool(kY).size();
+  const int places = options.places > 0 ? std::min(options.places, all) : all;
   matching.EmbeddingErrors(kX, x, places, errors);
   return static_cast<int>(std::min_element(errors->begin(), errors->end()) -
                           errors->begin());
@@ -126,7 +125,7 @@ double Contradiction(const FirstStageOptions& options,
   for (std::size_t i = 0; i < count; ++i) {
     const PointMatch& landmark =
         options.landmarks[i * options.landmarks.size() / count];
-    const int found = ImageOf(matching, landmark.x, &errors);
+    const int found = ImageOf(options, matching, landmark.x, &errors);
     contradicted +=
         DistanceBetween(matching.pool(kY), found, landmark.y) > kOtherPlace;
   }
@@ -167,12 +166,13 @@ bool LandmarksWantMirror(const std::vector<Contender>& contenders,
   return best[1]->contradiction + kClearly < best[0]->contradiction;
 }
 
-std::vector<int> ImagesOfProbes(const Matching& matching) {
+std::vector<int> ImagesOfProbes(const FirstStageOptions& options,
+                                const Matching& matching) {
   std::vector<int> images;
   std::vector<float> errors;
   const int probes = std::min(kProbes, matching.pool(kX).size());
   for (int x = 0; x < probes; ++x) {
-    images.push_back(ImageOf(matching, x, &errors));
+    images.push_back(ImageOf(options, matching, x, &errors));
   }
   return images;
 }
@@ -382,7 +382,7 @@ absl::StatusOr<std::vector<RankedMap>> RunFirstStage(
       Judge(input, options, matching, &contender);
       if (options.max_results > 1 &&
           (last || matching.size() >= kDiverseFrom)) {
-        contender.images = ImagesOfProbes(matching);
+        contender.images = ImagesOfProbes(options, matching);
       }
       round_progress.OneDone(r);
     };

@@ -59,6 +59,9 @@ struct FirstStageOptions {
   double temperature = 0.01;
   /// RelocationSweep after each swap phase; 0 for none.
   int relocation_neighbors = 0;
+  /// Where maps send points is told by this many first points of Y's pool, 0
+  /// for all: enough when those are farthest points.
+  int places = 0;
   /// At most this many maps come back, distinct from each other.
   int max_results = 1;
   /// Complete maps that keep orientation have their mirrored regions taken out

@@ -12,10 +12,9 @@ constexpr std::int64_t kIndicesPerTask = 256;
 
 }  // namespace
 
-ConnectedBall::ConnectedBall(const TriangleMesh& mesh, const VertexStars& stars)
-    : stars_(stars),
-      positions_(mesh.positions.transpose()),
-      visited_(mesh.num_vertices(), 0) {}
+ConnectedBall::ConnectedBall(const Eigen::Matrix3Xd& positions,
+                             const VertexStars& stars)
+    : stars_(stars), positions_(positions), visited_(positions.cols(), 0) {}
 
 const std::vector<ConnectedBall::Member>& ConnectedBall::Around(
     VertexIndex center, double radius) {
@@ -40,9 +39,11 @@ absl::Status ParallelForWithBall(
     const TriangleMesh& mesh, const VertexStars& stars, std::int64_t count,
     const std::stop_token& stop,
     const std::function<void(std::int64_t, ConnectedBall*)>& body) {
+  // Side by side, since balls visit them one by one.
+  const Eigen::Matrix3Xd positions = mesh.positions.transpose();
   const std::int64_t tasks = (count + kIndicesPerTask - 1) / kIndicesPerTask;
   return ParallelFor(tasks, stop, [&](std::int64_t task) {
-    ConnectedBall ball(mesh, stars);
+    ConnectedBall ball(positions, stars);
     const std::int64_t end = std::min(count, (task + 1) * kIndicesPerTask);
     for (std::int64_t i = task * kIndicesPerTask; i < end; ++i) {
       if (stop.stop_requested()) return;

@@ -24,7 +24,8 @@ class ConnectedBall {
     double distance;  ///< from the centre, straight, mesh units
   };
 
-  ConnectedBall(const TriangleMesh& mesh, const VertexStars& stars);
+  /// `positions`: one vertex a column.
+  ConnectedBall(const Eigen::Matrix3Xd& positions, const VertexStars& stars);
 
   /// The vertices nearer than `radius`, the centre first, in an order that
   /// depends on the mesh alone. Valid until the next call. Time O(members and
@@ -33,7 +34,7 @@ class ConnectedBall {
 
  private:
   const VertexStars& stars_;
-  const Eigen::Matrix3Xd positions_;  ///< one by one in memory
+  const Eigen::Matrix3Xd& positions_;
   std::vector<Member> members_;
   std::uint32_t visit_ = 0;
   std::vector<std::uint32_t> visited_;  ///< the last visit of each vertex

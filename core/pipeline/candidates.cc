@@ -15,6 +15,8 @@
 namespace isomatch {
 namespace {
 
+/// Farthest points that tell places on Y apart.
+constexpr int kPlaces = 300;
 /// Rounds of alignment after which distinct maps are judged.
 constexpr int kJudgedRounds = 10;
 /// Rounds between two stiffnesses.
@@ -66,6 +68,7 @@ FirstStageOptions FirstStageOptionsOf(const MatchOptions& options,
   first.swaps = {options.swap_proposals, options.swap_neighbors};
   first.temperature = options.temperature;
   first.relocation_neighbors = options.relocation_neighbors;
+  first.places = options.pool_size > 0 ? kPlaces : 0;
   first.max_results = options.alignment_rounds > 0 ? options.candidates : 1;
   first.random_seed = options.random_seed;
   return first;

@@ -456,7 +456,7 @@ class Matcher {
   ProgressReporter& progress_;
   const std::stop_token& stop_;
 
-  PreparedMesh* own_x_;
+  PreparedMesh* own_x_;  ///< what may be mirrored, nullptr before a copy
 
   // State, an entry a side, in order of the stages that make it.
   std::array<const PreparedMesh*, 2> shapes_;

@@ -21,6 +21,9 @@ namespace {
 
 /// Code pages, allocator slack and thread stacks that appear with a first run.
 constexpr double kFixed = 12e6;
+/// NearestColumns of one thread, and of it by dimension.
+constexpr double kSearchPerThread = 0.5e6;
+constexpr double kSearchPerRow = 2048;
 /// A ConnectedBall, and what a large one holds.
 constexpr double kBallPerVertex = 40;
 /// A distance field workspace: distances, touched vertices, buckets.
@@ -30,7 +33,7 @@ constexpr double kWorkspacePerVertex = 80;
 struct ShapeBytes {
   double working;        ///< clean mesh, normals, maps: kept to the end
   double stencils;       ///< while distance fields are computed
-  double fields;         ///< kept until the dense map
+  double fields;         ///< kept to the end
   double lanczos;        ///< while eigenpairs are computed, both sides at once
   double functions;      ///< eigenfunctions, kept to the end
   double pool;           ///< closeness table and frames of the first stage
@@ -161,6 +164,14 @@ std::int64_t EstimateMemoryBytes(MeshSize x, MeshSize y,
   const double threads = Threads(options);
   const double n = static_cast<double>(x.vertices + y.vertices);
   const double fields = both(&ShapeBytes::working) + both(&ShapeBytes::fields);
+  const double search =
+      threads * (kSearchPerThread +
+                 kSearchPerRow * FirstStageMatches(num_landmarks, options));
+  // The finer of two unlike meshes is described anew.
+  const double described_anew =
+      std::abs(double(x.vertices - y.vertices)) > 0.1 * n
+          ? std::max(bytes_x.descriptors, bytes_y.descriptors)
+          : 0;
   const double late = fields + both(&ShapeBytes::functions);
   const double environments =
       options.candidates_from_environments || options.second_stage_fraction > 0
@@ -173,11 +184,11 @@ std::int64_t EstimateMemoryBytes(MeshSize x, MeshSize y,
       fields + both(&ShapeBytes::lanczos),
       late + both(&ShapeBytes::pool) + environments +
           MatchingBytes(x, y, num_landmarks, options, threads),
-      late + both(&ShapeBytes::dense_columns) + environments,
-      late + both(&ShapeBytes::columns),
+      late + both(&ShapeBytes::dense_columns) + environments + search,
+      late + both(&ShapeBytes::columns) + search,
       late + both(&ShapeBytes::columns) + both(&ShapeBytes::descriptors) +
-          kBallPerVertex * n * threads + both(&ShapeBytes::features) +
-          bytes_x.surface,
+          described_anew + search + kBallPerVertex * n * threads +
+          both(&ShapeBytes::features) + bytes_x.surface,
   });
   constexpr double kLargest = 9e18;
   const double with_full = std::max(full_x.at_first + full_y.at_first,

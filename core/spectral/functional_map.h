@@ -32,15 +32,15 @@ Eigen::MatrixXd FunctionalMapFromVertexMap(
 /// side: what loops over maps read fastest.
 PointColumns FunctionColumns(const SpectralBasis& spectral, int k);
 
-/// FunctionalMapFromVertexMap of a dense map in single precision, from
-/// FunctionColumns of equally many functions and the mass of X.
+/// FunctionalMapFromVertexMap of a dense map (no kNoVertex) in single
+/// precision, from FunctionColumns of equally many functions and the mass of X.
 Eigen::MatrixXf DenseFunctionalMap(
     const Eigen::Ref<const PointColumns>& functions_x,
     const Eigen::VectorXd& mass_x,
     const Eigen::Ref<const PointColumns>& functions_y,
     const VertexMap& y_from_x);
 
-/// Sets *carried to fmap_x_from_y * functions_y: Y's vertices in X's basis.
+/// Sets `carried` to fmap_x_from_y * functions_y: Y's vertices in X's basis.
 void CarryOver(const Eigen::MatrixXf& fmap_x_from_y,
                const Eigen::Ref<const PointColumns>& functions_y,
                Eigen::Ref<PointColumns> carried);

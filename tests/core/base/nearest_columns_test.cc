@@ -34,31 +34,45 @@ TEST(NearestColumnsTest, AgreesWithBruteForceAcrossBlocks) {
   }
 }
 
-TEST(NearestColumnsTest, PassesOverOnlyWhatIsFartherAway) {
-  // A curve far from the origin, its points in order: most are passed over.
-  const auto on_curve = [](int count, double shift) {
-    PointColumns points(6, count);
-    for (int i = 0; i < count; ++i) {
-      const double t = 20 * (i + shift) / count;
-      for (int d = 0; d < 6; ++d) {
-        points(d, i) = static_cast<float>(30 + std::sin(t * (1 + 0.3 * d)));
-      }
+/// Points of a curve in order, around `middle`: most are passed over.
+PointColumns OnCurve(int count, double shift, double middle) {
+  PointColumns points(6, count);
+  for (int i = 0; i < count; ++i) {
+    const double t = 20 * (i + shift) / count;
+    for (int d = 0; d < 6; ++d) {
+      points(d, i) = static_cast<float>(middle + std::sin(t * (1 + 0.3 * d)));
     }
-    return points;
-  };
-  const PointColumns queries = on_curve(700, 0.3);
-  const PointColumns points = on_curve(1001, 0);
-  const auto nearest = NearestColumns(queries, points, {});
-  ASSERT_THAT(nearest, IsOk());
-  const Eigen::MatrixXd exact = points.cast<double>();
-  for (Eigen::Index q = 0; q < queries.cols(); ++q) {
-    const Eigen::VectorXd query = queries.col(q).cast<double>();
-    const double least =
-        (exact.colwise() - query).colwise().squaredNorm().minCoeff();
-    // Single-precision products of norms of about 5400.
-    EXPECT_LT((exact.col((*nearest)[q]) - query).squaredNorm(), least + 5e-3)
-        << "query " << q;
   }
+  return points;
+}
+
+TEST(NearestColumnsTest, PassesOverOnlyWhatIsFartherAway) {
+  for (const double middle : {0.0, 0.5, 3.0}) {
+    PointColumns queries = OnCurve(700, 0.3, middle);
+    queries.col(5).setZero();
+    const PointColumns points = OnCurve(1001, 0, middle);
+    const auto nearest = NearestColumns(queries, points, {});
+    ASSERT_THAT(nearest, IsOk());
+    const Eigen::MatrixXd exact = points.cast<double>();
+    for (Eigen::Index q = 0; q < queries.cols(); ++q) {
+      const Eigen::VectorXd query = queries.col(q).cast<double>();
+      const double least =
+          (exact.colwise() - query).colwise().squaredNorm().minCoeff();
+      // Neighbours on the curve are 5e-3 apart, squared.
+      EXPECT_LT((exact.col((*nearest)[q]) - query).squaredNorm(),
+                least + 2e-6 * (1 + query.squaredNorm()))
+          << "query " << q << " around " << middle;
+    }
+  }
+}
+
+TEST(NearestColumnsTest, OfEqualPointsFarApartTheFirstIsTaken) {
+  const PointColumns curve = OnCurve(400, 0, 0);
+  PointColumns points(6, 800);
+  points << curve, curve;
+  const auto nearest = NearestColumns(curve, points, {});
+  ASSERT_THAT(nearest, IsOk());
+  for (VertexIndex q = 0; q < 400; ++q) EXPECT_EQ((*nearest)[q], q);
 }
 
 TEST(NearestColumnsTest, TiesGoToTheSmallestIndex) {

@@ -34,7 +34,8 @@ class NearbyMatchTest : public testing::Test {
   /// Sends every vertex to one at random that is nearer than `reach`.
   VertexMap Scattered(double reach) const {
     RandomStream random(1, 1);
-    ConnectedBall ball(mesh_, stars_);
+    const Eigen::Matrix3Xd positions = mesh_.positions.transpose();
+    ConnectedBall ball(positions, stars_);
     VertexMap map;
     for (VertexIndex v = 0; v < mesh_.num_vertices(); ++v) {
       const auto& near = ball.Around(v, reach);

@@ -22,7 +22,8 @@ std::vector<VertexIndex> Sorted(
 TEST(ConnectedBallTest, OnAPlaneHoldsAllThatIsNear) {
   const TriangleMesh mesh = PlaneGrid(20, 20, 1, 1);
   const VertexStars stars(mesh);
-  ConnectedBall ball(mesh, stars);
+  const Eigen::Matrix3Xd positions = mesh.positions.transpose();
+  ConnectedBall ball(positions, stars);
   for (const VertexIndex center : {0, 220, 440, 220}) {
     std::vector<VertexIndex> near;
     for (VertexIndex v = 0; v < mesh.num_vertices(); ++v) {
@@ -49,7 +50,8 @@ TEST(ConnectedBallTest, LeavesOutASheetThatOnlyLiesNear) {
   const TriangleMesh two =
       Joined(Untouched(sheet), Untouched(raised), sheet.num_vertices()).mesh;
   const VertexStars stars(two);
-  ConnectedBall ball(two, stars);
+  const Eigen::Matrix3Xd positions = two.positions.transpose();
+  ConnectedBall ball(positions, stars);
   for (const auto& member : ball.Around(60, 0.3)) {
     EXPECT_LT(member.vertex, sheet.num_vertices());
   }
