@@ -14,7 +14,8 @@ namespace {
 
 constexpr double kLeastWeight = 0.01;
 constexpr double kLargestWeight = 10;
-/// Of Turn; a rotation that is nearly right is right after two or three.
+/// Of TurnTowardsBest; a rotation that is nearly right is right after two or
+/// three.
 constexpr int kMaxTurns = 6;
 constexpr double kSmallTurn = 1e-3;
 

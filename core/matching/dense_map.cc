@@ -1,6 +1,5 @@
 #include "core/matching/dense_map.h"
 
-#include <algorithm>
 #include <vector>
 
 #include "core/base/nearest_columns.h"
@@ -15,7 +14,7 @@ namespace {
 absl::StatusOr<PointColumns> ClosenessColumns(
     const Closeness& closeness, const std::vector<VertexIndex>& matched,
     const std::stop_token& stop) {
-  const auto n = static_cast<VertexIndex>(closeness.basis().num_vertices());
+  const VertexIndex n = closeness.basis().num_vertices();
   PointColumns columns(matched.size(), n);
   ISOMATCH_RETURN_IF_ERROR(ParallelForVertices(n, stop, [&](VertexIndex v) {
     closeness.Row(v, matched, columns.col(v).data());

@@ -1,9 +1,7 @@
 #pragma once
 
 #include <cstdint>
-#include <string>
 
-#include "absl/status/status.h"
 #include "core/mesh/triangle_mesh.h"
 #include "core/pipeline/match_options.h"
 #include "core/pipeline/matcher.h"
