@@ -1,0 +1,21 @@
+#pragma once
+
+#include <string>
+
+namespace isomatch {
+
+/// What a caller may do; each may all that those before it may.
+enum class Role {
+  kRead,    ///< look at jobs and results of its tenant
+  kSubmit,  ///< upload meshes, create, cancel and delete jobs
+  kAdmin,   ///< the same with the jobs of every tenant
+};
+
+/// Who calls. Without API keys everybody is the default.
+struct Caller {
+  /// Whose jobs, meshes and results it sees: 1 to 63 of a-z, 0-9, - and _.
+  std::string tenant = "default";
+  Role role = Role::kAdmin;
+};
+
+}  // namespace isomatch
