@@ -42,6 +42,9 @@ void LogStart(const ServerConfig& config, const Server& server) {
   spdlog::info("memory: {} MiB for running jobs, {} MiB for meshes and results",
                server.memory_budget_bytes() >> 20,
                config.blob_store_bytes >> 20);
+  spdlog::info("data: {}", config.data_dir.empty()
+                               ? "in memory, gone when the server ends"
+                               : config.data_dir);
   spdlog::info("requests: at most {} KiB, larger meshes are uploaded",
                config.max_request_bytes >> 10);
   spdlog::info("a first job: isomatch match --server {} X Y -o MAP",
@@ -49,7 +52,7 @@ void LogStart(const ServerConfig& config, const Server& server) {
 }
 
 /// Ends the process on a second signal, and when a peer or a job holds up the
-/// shutdown: nothing that has to be saved is left then.
+/// shutdown: what has to be saved is on disk at any time.
 void GuardShutdown(const sigset_t& signals, absl::Duration drain) {
   std::thread([signals] {
     int signal = 0;

@@ -15,11 +15,11 @@
 #include "absl/time/clock.h"
 #include "core/base/status_macros.h"
 #include "grpc/health/v1/health.pb.h"
+#include "server/convert/stored_request.h"
 #include "server/jobs/memory_limit.h"
 #include "server/jobs/thread_pool.h"
 #include "server/rpc/correspondence_service.h"
-#include "server/storage/memory_blob_store.h"
-#include "server/storage/memory_job_store.h"
+#include "server/stores.h"
 
 namespace isomatch {
 namespace {
@@ -102,7 +102,7 @@ void SetChannelArguments(const ServerConfig& config,
 
 class Server::Impl {
  public:
-  Impl(const ServerConfig& config, MatchEngine engine);
+  Impl(const ServerConfig& config, MatchEngine engine, Stores stores);
   ~Impl();
 
   absl::Status Listen();
@@ -121,8 +121,7 @@ class Server::Impl {
   ServiceContext MakeContext();
 
   const ServerConfig config_;
-  MemoryJobStore jobs_;
-  MemoryBlobStore blobs_;
+  const Stores stores_;
   MemoryBudget budget_;
   MemoryBudget uploads_;
   const JobRunner runner_;
@@ -138,9 +137,10 @@ class Server::Impl {
   std::unique_ptr<grpc::Server> grpc_;
 };
 
-Server::Impl::Impl(const ServerConfig& config, MatchEngine engine)
+Server::Impl::Impl(const ServerConfig& config, MatchEngine engine,
+                   Stores stores)
     : config_(config),
-      blobs_(config.blob_store_bytes),
+      stores_(std::move(stores)),
       budget_(ChooseMemoryBudget(config.memory_budget_bytes,
                                  AvailableMemoryBytes())),
       uploads_(config.blob_store_bytes / 2),
@@ -163,21 +163,29 @@ JobManager::Limits Server::Impl::MakeJobLimits() const {
   JobManager::Limits limits;
   limits.workers = config_.workers;
   limits.max_queued_jobs = config_.max_queued_jobs;
+  limits.max_queued_jobs_per_tenant = config_.max_queued_jobs_per_tenant == 0
+                                          ? config_.max_queued_jobs
+                                          : config_.max_queued_jobs_per_tenant;
   limits.max_kept_jobs = config_.max_kept_jobs;
+  limits.job_retention = config_.job_retention;
+  limits.durable = !config_.data_dir.empty();
   limits.max_result_bytes = config_.blob_store_bytes / 4;
   return limits;
 }
 
 JobManager::Parts Server::Impl::MakeJobParts() {
   JobManager::Parts parts;
-  parts.jobs = &jobs_;
-  parts.blobs = &blobs_;
+  parts.jobs = stores_.jobs.get();
+  parts.blobs = stores_.blobs.get();
   parts.budget = &budget_;
   parts.runner = &runner_;
   parts.workers = workers_.get();
   parts.timers = timers_.get();
   parts.now = absl::Now;
   parts.new_id = RandomId;
+  parts.load_spec = [this](const JobRecord& record) {
+    return LoadJobSpec(record, context_.parse);
+  };
   if (!config_.listen.empty()) parts.on_state = LogState;
   return parts;
 }
@@ -185,19 +193,22 @@ JobManager::Parts Server::Impl::MakeJobParts() {
 ServiceContext Server::Impl::MakeContext() {
   ServiceContext context;
   context.manager = &manager_;
-  context.blobs = &blobs_;
+  context.blobs = stores_.blobs.get();
   context.budget = &budget_;
   context.uploads = &uploads_;
   context.intake = intake_.get();
-  context.parse = {&blobs_, &runner_, MakeRequestLimits(config_),
+  context.parse = {stores_.blobs.get(), &runner_, MakeRequestLimits(config_),
                    ChooseThreads(config_)};
   context.workers = config_.workers;
+  context.durable = !config_.data_dir.empty();
+  context.job_retention = config_.job_retention;
   context.watch_heartbeat = config_.watch_heartbeat;
   context.upload_idle_timeout = config_.upload_idle_timeout;
   return context;
 }
 
 absl::Status Server::Impl::Listen() {
+  manager_.Begin();
   InitGrpcPlugins();
   grpc::ServerBuilder builder;
   SetChannelArguments(config_, builder);
@@ -249,7 +260,9 @@ absl::StatusOr<std::unique_ptr<Server>> Server::Create(
 absl::StatusOr<std::unique_ptr<Server>> Server::Create(
     const ServerConfig& config, MatchEngine engine) {
   ISOMATCH_RETURN_IF_ERROR(config.Validate());
-  auto impl = std::make_unique<Impl>(config, std::move(engine));
+  ISOMATCH_ASSIGN_OR_RETURN(Stores stores, OpenStores(config));
+  auto impl =
+      std::make_unique<Impl>(config, std::move(engine), std::move(stores));
   ISOMATCH_RETURN_IF_ERROR(impl->Listen());
   return std::unique_ptr<Server>(new Server(std::move(impl)));
 }

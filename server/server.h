@@ -16,17 +16,21 @@ namespace isomatch {
 ///
 /// Shutdown order:
 ///   1. health answers NOT_SERVING, CreateJob answers UNAVAILABLE (DRAINING);
-///   2. queued jobs become CANCELLED, running ones get the drain time;
-///   3. those that still run become CANCELLED and are asked to stop;
-///   4. watchers get their last message; with a drain time, clients get 0.4 s
-///      to ask for the results, then gRPC stops;
+///   2. no job starts any more, running ones get the drain time;
+///   3. those that still run are asked to stop. With a data directory they and
+///      the queued ones are QUEUED there and run when the server starts again;
+///      without, they become CANCELLED;
+///   4. watchers get their last message, or UNAVAILABLE (DRAINING) when the job
+///      goes on later; with a drain time, clients get 0.4 s to ask for the
+///      results, then gRPC stops;
 ///   5. the threads are joined.
 ///
 /// Thread-safe.
 class Server {
  public:
-  /// Returns a server that accepts calls. INVALID_ARGUMENT: the configuration;
-  /// UNAVAILABLE: the address cannot be listened on.
+  /// Returns a server that accepts calls and has taken up the jobs of its data
+  /// directory. INVALID_ARGUMENT: the configuration; UNAVAILABLE: the address
+  /// cannot be listened on; errors of OpenStores.
   static absl::StatusOr<std::unique_ptr<Server>> Create(
       const ServerConfig& config);
 

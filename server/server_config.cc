@@ -78,7 +78,9 @@ absl::Status ServerConfig::Validate() const {
   ISOMATCH_RETURN_IF_ERROR(
       CheckRange("blob_store_bytes", blob_store_bytes, 16 * kMiB, kMostMemory));
   ISOMATCH_RETURN_IF_ERROR(
-      CheckRange("--max-queued-jobs", max_queued_jobs, 1, 1'000'000));
+      CheckRange("--max-queued-jobs", max_queued_jobs, 1, 100'000));
+  ISOMATCH_RETURN_IF_ERROR(CheckRange("--max-queued-jobs-per-tenant",
+                                      max_queued_jobs_per_tenant, 0, 100'000));
   ISOMATCH_RETURN_IF_ERROR(CheckRange("--max-request-bytes", max_request_bytes,
                                       2 * kMiB, blob_store_bytes / 2));
   ISOMATCH_RETURN_IF_ERROR(
@@ -87,6 +89,9 @@ absl::Status ServerConfig::Validate() const {
       CheckRange("max_kept_jobs", max_kept_jobs, 1, 1'000'000));
   ISOMATCH_RETURN_IF_ERROR(CheckDuration(
       "--drain-timeout", drain_timeout, absl::ZeroDuration(), absl::Hours(24)));
+  ISOMATCH_RETURN_IF_ERROR(CheckDuration("--job-retention", job_retention,
+                                         absl::Minutes(1),
+                                         absl::Hours(24 * 3652)));
   ISOMATCH_RETURN_IF_ERROR(CheckDuration("watch_heartbeat", watch_heartbeat,
                                          absl::Milliseconds(10),
                                          absl::Hours(1)));

@@ -27,13 +27,20 @@ struct ServerConfig {
   /// Bytes that running jobs may reserve together. 0 stands for 80 % of what
   /// the machine or its cgroup has; more than that is cut down to it.
   std::int64_t memory_budget_bytes = 0;
+  // What it keeps.
+
+  /// Folder of jobs, meshes and results, which then outlive the process. Empty:
+  /// they are in memory only.
+  std::string data_dir;
   /// Bytes of uploaded meshes and results that are kept. 16 MiB or more.
   std::int64_t blob_store_bytes = std::int64_t{1} << 30;
 
   // What it accepts.
 
-  /// Jobs that may wait. 1 to 1000000.
+  /// Jobs that may wait. 1 to 100000.
   int max_queued_jobs = 100;
+  /// Of one tenant. 0 for no limit of its own.
+  int max_queued_jobs_per_tenant = 0;
   /// One request message. 2 MiB to blob_store_bytes / 2.
   std::int64_t max_request_bytes = std::int64_t{4} << 20;
   /// One uploaded mesh. At most blob_store_bytes / 2.
@@ -49,6 +56,9 @@ struct ServerConfig {
   absl::Duration upload_idle_timeout = absl::Seconds(30);
   /// Terminal jobs that are remembered, 1 or more; the oldest go first.
   int max_kept_jobs = 1000;
+  /// How long a job and its result are kept after it ended. 1 minute to 10
+  /// years.
+  absl::Duration job_retention = absl::Hours(7 * 24);
 
   /// trace, debug, info, warn, error, critical or off. Used by main.cc only:
   /// a server without a port logs nothing.

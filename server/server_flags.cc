@@ -1,5 +1,6 @@
 #include "server/server_flags.h"
 
+#include <cstdlib>
 #include <iostream>
 #include <string>
 
@@ -30,14 +31,19 @@ Examples:
 SIGTERM or SIGINT: no new jobs, running ones get --drain-timeout, exit 0.
 A second signal exits at once. Exit status: 2 wrong flags, 1 other errors.)";
 
-absl::Duration ParseSeconds(const std::string& text) {
-  const bool unit = !text.empty() && absl::ascii_isalpha(text.back());
-  absl::Duration duration;
-  if (!absl::ParseDuration(unit ? text : absl::StrCat(text, "s"), &duration)) {
-    throw CLI::ValidationError("--drain-timeout",
-                               text + ", expected e.g. 30s or 5m");
-  }
-  return duration;
+/// An option such as 30, 30s or 5m.
+CLI::Option* AddDurationOption(CLI::App& app, const std::string& name,
+                               absl::Duration& duration,
+                               const std::string& description) {
+  const auto parse = [&duration, name](const std::string& text) {
+    const bool unit = !text.empty() && absl::ascii_isalpha(text.back());
+    const std::string with_unit = unit ? text : absl::StrCat(text, "s");
+    if (!absl::ParseDuration(with_unit, &duration)) {
+      throw CLI::ValidationError(name, text + ", expected e.g. 30s or 5m");
+    }
+  };
+  return app.add_option_function<std::string>(name, parse, description)
+      ->default_str(absl::FormatDuration(duration));
 }
 
 void AddNetworkFlags(CLI::App& app, ServerConfig& config) {
@@ -66,6 +72,38 @@ void AddResourceFlags(CLI::App& app, ServerConfig& config) {
       ->group("Resources");
 }
 
+/// Where a service keeps its state: systemd's, or the user's by XDG's rules.
+std::string DefaultDataDir() {
+  const auto variable = [](const char* name) -> std::string {
+    const char* value = std::getenv(name);
+    return value == nullptr ? "" : value;
+  };
+  if (const auto given = variable("STATE_DIRECTORY"); !given.empty()) {
+    return given;
+  }
+  if (const auto state = variable("XDG_STATE_HOME"); !state.empty()) {
+    return absl::StrCat(state, "/isomatch-server");
+  }
+  const std::string home = variable("HOME");
+  return home.empty() ? "isomatch-server-data"
+                      : absl::StrCat(home, "/.local/state/isomatch-server");
+}
+
+void AddStorageFlags(CLI::App& app, ServerConfig& config) {
+  app.add_option("--data-dir", config.data_dir,
+                 "Folder of jobs, meshes and results; they survive restarts")
+      ->default_val(DefaultDataDir())
+      ->group("Storage");
+  app.add_flag_callback(
+         "--ephemeral", [&config] { config.data_dir = ""; },
+         "Keep everything in memory, gone when the server ends")
+      ->excludes("--data-dir")
+      ->group("Storage");
+  AddDurationOption(app, "--job-retention", config.job_retention,
+                    "How long a job and its result are kept after it ended")
+      ->group("Storage");
+}
+
 void AddLimitFlags(CLI::App& app, ServerConfig& config) {
   app.add_option("--max-queued-jobs", config.max_queued_jobs,
                  "Jobs that may wait; more are refused with QUEUE_FULL")
@@ -79,13 +117,8 @@ void AddLimitFlags(CLI::App& app, ServerConfig& config) {
 }
 
 void AddOperationFlags(CLI::App& app, ServerConfig& config) {
-  app.add_option_function<std::string>(
-         "--drain-timeout",
-         [&config](const std::string& text) {
-           config.drain_timeout = ParseSeconds(text);
-         },
-         "What running jobs get after SIGTERM, e.g. 30s or 5m")
-      ->default_str(absl::FormatDuration(config.drain_timeout))
+  AddDurationOption(app, "--drain-timeout", config.drain_timeout,
+                    "What running jobs get after SIGTERM, e.g. 30s or 5m")
       ->group("Operation");
   app.add_option("--log-level", config.log_level,
                  "trace, debug, info, warn, error, critical or off")
@@ -103,6 +136,7 @@ std::optional<int> ParseServerFlags(int argc, const char* const* argv,
   app.footer(kFooter);
   AddNetworkFlags(app, config);
   AddResourceFlags(app, config);
+  AddStorageFlags(app, config);
   AddLimitFlags(app, config);
   AddOperationFlags(app, config);
   try {

@@ -182,6 +182,9 @@ v1::Job ToProto(const JobSnapshot& snapshot) {
   SetTimes(record, job);
   job.mutable_labels()->insert(record.labels.begin(), record.labels.end());
   job.set_request_id(record.request_id);
+  job.set_attempt(static_cast<std::uint32_t>(record.attempt));
+  job.set_priority(record.priority);
+  job.set_tenant(record.tenant);
   return job;
 }
 

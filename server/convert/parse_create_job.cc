@@ -5,15 +5,11 @@
 #include <utility>
 #include <vector>
 
-#include <google/protobuf/io/coded_stream.h>
-#include <google/protobuf/io/zero_copy_stream_impl_lite.h>
-
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "core/io/draco_mesh.h"
 #include "server/convert/digest.h"
 #include "server/jobs/errors.h"
-#include "server/storage/sha256.h"
 
 namespace isomatch {
 namespace {
@@ -37,6 +33,7 @@ absl::StatusOr<VertexOrder> ParseVertexOrder(v1::VertexOrder order,
 absl::StatusOr<absl::string_view> FindBytes(const v1::Mesh& mesh,
                                             const std::string& field,
                                             const ParseContext& context,
+                                            const std::string& tenant,
                                             BlobStore::Blob& held) {
   if (mesh.has_draco()) return absl::string_view(mesh.draco());
   if (!mesh.has_digest()) {
@@ -45,7 +42,7 @@ absl::StatusOr<absl::string_view> FindBytes(const v1::Mesh& mesh,
   const v1::Digest& digest = mesh.digest();
   const std::string path = field + ".digest";
   ISOMATCH_RETURN_IF_ERROR(ValidateDigest(digest, path, context.limits));
-  held = context.blobs->Get(digest.sha256());
+  held = context.blobs->Get({tenant, digest.sha256()});
   if (held == nullptr) return MeshMissing(path, digest.sha256());
   if (digest.size_bytes() != held->size()) {
     return InvalidField(
@@ -57,7 +54,8 @@ absl::StatusOr<absl::string_view> FindBytes(const v1::Mesh& mesh,
 
 absl::StatusOr<TriangleMesh> ParseMesh(const v1::Mesh& mesh,
                                        const std::string& field,
-                                       const ParseContext& context) {
+                                       const ParseContext& context,
+                                       const std::string& tenant) {
   ISOMATCH_ASSIGN_OR_RETURN(
       const VertexOrder order,
       ParseVertexOrder(mesh.vertex_order(), field + ".vertex_order"));
@@ -69,7 +67,7 @@ absl::StatusOr<TriangleMesh> ParseMesh(const v1::Mesh& mesh,
   }
   BlobStore::Blob held;
   ISOMATCH_ASSIGN_OR_RETURN(const absl::string_view bytes,
-                            FindBytes(mesh, field, context, held));
+                            FindBytes(mesh, field, context, tenant, held));
   auto decoded = DecodeDraco(bytes, order, mesh.vertex_count(), limits);
   if (!decoded.ok()) {
     return MeshMalformed(field + (held ? ".digest" : ".draco"),
@@ -227,25 +225,15 @@ absl::Status ParseScalars(const v1::CreateJobRequest& request,
 
 }  // namespace
 
-std::string RequestSha256(const v1::CreateJobRequest& request) {
-  std::string bytes;
-  {
-    google::protobuf::io::StringOutputStream stream(&bytes);
-    google::protobuf::io::CodedOutputStream coded(&stream);
-    coded.SetSerializationDeterministic(true);
-    request.SerializeToCodedStream(&coded);
-  }
-  return Sha256Hex(bytes);
-}
-
 absl::StatusOr<JobSpec> ParseCreateJob(const v1::CreateJobRequest& request,
-                                       const ParseContext& context) {
+                                       const ParseContext& context,
+                                       const std::string& tenant) {
   JobSpec spec;
   ISOMATCH_RETURN_IF_ERROR(ParseScalars(request, context, spec));
-  ISOMATCH_ASSIGN_OR_RETURN(spec.mesh_x,
-                            ParseMesh(request.mesh_x(), "mesh_x", context));
-  ISOMATCH_ASSIGN_OR_RETURN(spec.mesh_y,
-                            ParseMesh(request.mesh_y(), "mesh_y", context));
+  ISOMATCH_ASSIGN_OR_RETURN(
+      spec.mesh_x, ParseMesh(request.mesh_x(), "mesh_x", context, tenant));
+  ISOMATCH_ASSIGN_OR_RETURN(
+      spec.mesh_y, ParseMesh(request.mesh_y(), "mesh_y", context, tenant));
   ISOMATCH_RETURN_IF_ERROR(ParseLandmarks(request, context, spec));
   return spec;
 }

@@ -20,15 +20,13 @@ struct ParseContext {
   int threads_per_job = 1;
 };
 
-/// Returns the SHA-256 of the request, the same for equal requests.
-std::string RequestSha256(const v1::CreateJobRequest& request);
-
-/// Returns the job that the request describes, its meshes decoded and all
-/// checked; request_sha256 is left empty. Errors name the field:
-/// INVALID_ARGUMENT (INVALID_FIELD, MESH_MALFORMED, MESH_TOO_LARGE,
+/// Returns the job that the tenant's request describes, its meshes decoded and
+/// all checked; request_sha256 and inputs are left empty. Errors name the
+/// field: INVALID_ARGUMENT (INVALID_FIELD, MESH_MALFORMED, MESH_TOO_LARGE,
 /// MATCH_OUT_OF_RANGE, LANDMARKS_CONTRADICT), FAILED_PRECONDITION
 /// (MESH_MISSING).
 absl::StatusOr<JobSpec> ParseCreateJob(const v1::CreateJobRequest& request,
-                                       const ParseContext& context);
+                                       const ParseContext& context,
+                                       const std::string& tenant);
 
 }  // namespace isomatch

@@ -18,6 +18,9 @@ constexpr char kField[] = "isomatch/field";
 constexpr char kRetryAfter[] = "isomatch/retry_after";
 constexpr char kMetadata[] = "isomatch/metadata/";
 
+/// Disks fill and empty slowly.
+constexpr absl::Duration kRetryStorageFailed = absl::Seconds(10);
+
 using Metadata =
     std::initializer_list<std::pair<absl::string_view, std::string>>;
 
@@ -121,6 +124,23 @@ absl::Status QueueFull(std::int64_t queued_jobs, absl::Duration retry_after) {
       retry_after);
 }
 
+absl::Status TenantQuota(const std::string& tenant, std::int64_t queued_jobs,
+                         absl::Duration retry_after) {
+  return WithRetry(
+      Make(absl::StatusCode::kResourceExhausted, "TENANT_QUOTA",
+           absl::StrCat(queued_jobs, " jobs of ", tenant,
+                        " wait, no more may at a time"),
+           {{"tenant", tenant}, {"queued_jobs", absl::StrCat(queued_jobs)}}),
+      retry_after);
+}
+
+absl::Status StorageFailed(const absl::Status& problem) {
+  return WithRetry(Make(problem.code(), "STORAGE_FAILED",
+                        absl::StrCat("the server cannot store the job: ",
+                                     problem.message())),
+                   kRetryStorageFailed);
+}
+
 absl::Status UploadQuota(std::int64_t size_bytes, absl::Duration retry_after) {
   return WithRetry(Make(absl::StatusCode::kResourceExhausted, "UPLOAD_QUOTA",
                         absl::StrCat("no room for ", size_bytes, " bytes now"),
@@ -169,6 +189,21 @@ absl::Status Draining(absl::Duration retry_after) {
   return WithRetry(Make(absl::StatusCode::kUnavailable, "DRAINING",
                         "the server is stopping and takes no new jobs"),
                    retry_after);
+}
+
+absl::Status CrashedRepeatedly(int attempts) {
+  return Make(absl::StatusCode::kInternal, "CRASHED_REPEATEDLY",
+              absl::StrCat("the server went down ", attempts,
+                           " times while the job ran"),
+              {{"attempts", absl::StrCat(attempts)}});
+}
+
+absl::Status ContentLost(const std::string& id, const std::string& what) {
+  return Make(absl::StatusCode::kDataLoss, "CONTENT_LOST",
+              absl::StrCat("the ", what, " of jobs/", id,
+                           " is damaged or not there any more; create the job "
+                           "again"),
+              {{"job", absl::StrCat("jobs/", id)}, {"what", what}});
 }
 
 absl::Status QueueTimeout(absl::Duration limit) {

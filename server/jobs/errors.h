@@ -35,7 +35,11 @@ absl::Status DigestMismatch(const std::string& expected,
 // RESOURCE_EXHAUSTED: the same call may succeed later, or elsewhere.
 
 absl::Status QueueFull(std::int64_t queued_jobs, absl::Duration retry_after);
+absl::Status TenantQuota(const std::string& tenant, std::int64_t queued_jobs,
+                         absl::Duration retry_after);
 absl::Status UploadQuota(std::int64_t size_bytes, absl::Duration retry_after);
+/// With the code of `problem`, which is UNAVAILABLE when the disk refuses.
+absl::Status StorageFailed(const absl::Status& problem);
 absl::Status OutOfMemory();
 
 // FAILED_PRECONDITION: something else has to be done first, or never helps.
@@ -49,7 +53,10 @@ absl::Status JobHasNoResult(const std::string& id, JobState state);
 
 // Others.
 
-absl::Status Draining(absl::Duration retry_after);     // UNAVAILABLE
+absl::Status Draining(absl::Duration retry_after);  // UNAVAILABLE
+absl::Status CrashedRepeatedly(int attempts);       // INTERNAL
+absl::Status ContentLost(const std::string& id,     // DATA_LOSS
+                         const std::string& what);
 absl::Status QueueTimeout(absl::Duration limit);       // DEADLINE_...
 absl::Status RunTimeout(absl::Duration limit);         // DEADLINE_...
 absl::Status UploadIdle(absl::Duration limit);         // DEADLINE_...

@@ -1,13 +1,11 @@
 #include "server/jobs/job_manager.h"
 
 #include <algorithm>
-#include <chrono>
+#include <limits>
 #include <utility>
 
-#include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "server/jobs/errors.h"
-#include "server/storage/sha256.h"
 
 namespace isomatch {
 namespace {
@@ -16,20 +14,25 @@ namespace {
 constexpr absl::Duration kRetryQueueFull = absl::Seconds(5);
 constexpr absl::Duration kRetryDraining = absl::Seconds(10);
 
+/// How often jobs are looked through for those that are too old.
+constexpr absl::Duration kRetentionInterval = absl::Minutes(1);
+
 bool CanMove(JobState from, JobState to) {
   if (from == JobState::kQueued) {
     return to == JobState::kRunning || to == JobState::kFailed ||
            to == JobState::kCancelled;
   }
-  return from == JobState::kRunning && IsTerminal(to);
+  return from == JobState::kRunning &&
+         (IsTerminal(to) || to == JobState::kQueued);
+}
+
+/// As if it had not been started.
+void Rewind(JobRecord& record) {
+  record.progress = JobProgress();
+  record.start_time = absl::InfinitePast();
 }
 
 absl::Status NoEdit(JobRecord&) { return absl::OkStatus(); }
-
-JobError ErrorOf(const absl::Status& status) {
-  return {status.code(), DetailsOf(status).reason,
-          std::string(status.message())};
-}
 
 }  // namespace
 
@@ -38,10 +41,20 @@ JobManager::JobManager(const Limits& limits, const Parts& parts)
 
 // Asking.
 
+absl::StatusOr<JobRecord> JobManager::Find(const Caller& caller,
+                                           const std::string& id) const {
+  std::optional<JobRecord> record = parts_.jobs->Get(id);
+  const bool may_know = record && (caller.role == Role::kAdmin ||
+                                   caller.tenant == record->tenant);
+  if (!may_know) return JobNotFound(id);
+  return *std::move(record);
+}
+
 absl::StatusOr<std::optional<JobSnapshot>> JobManager::FindRequest(
-    const std::string& request_id, const std::string& request_sha256) const {
+    const Caller& caller, const std::string& request_id,
+    const std::string& request_sha256) const {
   if (request_id.empty()) return std::nullopt;
-  auto record = parts_.jobs->FindByRequestId(request_id);
+  auto record = parts_.jobs->FindByRequestId(caller.tenant, request_id);
   if (!record) return std::nullopt;
   if (record->request_sha256 != request_sha256) {
     return RequestIdReused(request_id);
@@ -49,13 +62,15 @@ absl::StatusOr<std::optional<JobSnapshot>> JobManager::FindRequest(
   return SnapshotOf(*std::move(record));
 }
 
-absl::StatusOr<JobSnapshot> JobManager::Get(const std::string& id) const {
-  auto record = parts_.jobs->Get(id);
-  if (!record) return JobNotFound(id);
-  return SnapshotOf(*std::move(record));
+absl::StatusOr<JobSnapshot> JobManager::Get(const Caller& caller,
+                                            const std::string& id) const {
+  ISOMATCH_ASSIGN_OR_RETURN(JobRecord record, Find(caller, id));
+  return SnapshotOf(std::move(record));
 }
 
-std::vector<JobSnapshot> JobManager::List(const JobFilter& filter) const {
+std::vector<JobSnapshot> JobManager::List(const Caller& caller,
+                                          JobFilter filter) const {
+  if (caller.role != Role::kAdmin) filter.tenant = caller.tenant;
   std::vector<JobSnapshot> snapshots;
   for (JobRecord& record : parts_.jobs->List(filter)) {
     snapshots.push_back(SnapshotOf(std::move(record)));
@@ -63,18 +78,22 @@ std::vector<JobSnapshot> JobManager::List(const JobFilter& filter) const {
   return snapshots;
 }
 
-absl::StatusOr<JobPart> JobManager::GetPart(const std::string& id,
+absl::StatusOr<JobPart> JobManager::GetPart(const Caller& caller,
+                                            const std::string& id,
                                             ResultPart part) const {
-  auto record = parts_.jobs->Get(id);
-  if (!record) return JobNotFound(id);
-  if (record->state != JobState::kSucceeded) {
-    return JobHasNoResult(id, record->state);
+  ISOMATCH_ASSIGN_OR_RETURN(const JobRecord record, Find(caller, id));
+  if (record.state != JobState::kSucceeded) {
+    return JobHasNoResult(id, record.state);
   }
-  const StoredPart* const stored = FindPart(*record->result, part);
+  const StoredPart* const stored = FindPart(*record.result, part);
   if (stored == nullptr) return ResultPartMissing(id, part);
-  BlobStore::Blob bytes = parts_.blobs->Get(stored->sha256);
-  if (bytes == nullptr) return JobNotFound(id);  // deleted a moment ago
-  return JobPart{*record->result, *stored, std::move(bytes)};
+  BlobStore::Blob bytes = parts_.blobs->Get({record.tenant, stored->sha256});
+  if (bytes != nullptr) {
+    return JobPart{*record.result, *stored, std::move(bytes)};
+  }
+  // Deleted a moment ago, unless it still is there.
+  ISOMATCH_RETURN_IF_ERROR(Find(caller, id).status());
+  return ContentLost(id, "result");
 }
 
 JobManager::Load JobManager::load() const {
@@ -93,302 +112,201 @@ JobSnapshot JobManager::SnapshotOf(JobRecord record) const {
 
 // A job's way in.
 
-absl::StatusOr<JobSnapshot> JobManager::Create(JobSpec spec) {
-  ISOMATCH_ASSIGN_OR_RETURN(std::optional<JobSnapshot> before,
-                            FindRequest(spec.request_id, spec.request_sha256));
-  if (before) return *std::move(before);
-  const auto live = MakeLive(std::move(spec));
-  const std::int64_t budget_bytes = parts_.budget->total_bytes();
-  if (live->memory_estimate_bytes > budget_bytes) {
-    return JobNeedsMoreMemoryThanBudget(live->memory_estimate_bytes,
-                                        budget_bytes);
+absl::Status JobManager::CheckPlace(const Caller& caller,
+                                    const std::string& request_id) const {
+  absl::Status status;
+  {
+    MutexLock lock(mutex_);
+    status = CheckPlaceLocked(caller.tenant);
   }
-  if (live->spec.validate_only) return JobSnapshot{NewRecord(*live), 0};
-  live->id = parts_.new_id();
-  return Accept(live);
-}
-
-std::shared_ptr<LiveJob> JobManager::MakeLive(JobSpec spec) const {
-  auto live = std::make_shared<LiveJob>();
-  live->mesh_bytes = MeshBytes(spec);
-  live->memory_estimate_bytes = parts_.runner->EstimateBytes(spec);
-  live->spec = std::move(spec);
-  return live;
-}
-
-JobRecord JobManager::NewRecord(const LiveJob& live) const {
-  JobRecord record;
-  record.id = live.id;
-  record.memory_estimate_bytes = live.memory_estimate_bytes;
-  record.create_time = parts_.now();
-  record.labels = live.spec.labels;
-  record.request_id = live.spec.request_id;
-  record.request_sha256 = live.spec.request_sha256;
-  return record;
-}
-
-absl::StatusOr<JobSnapshot> JobManager::Accept(
-    const std::shared_ptr<LiveJob>& live) {
-  ISOMATCH_RETURN_IF_ERROR(TakePlace(*live));
-  const auto inserted = parts_.jobs->Insert(NewRecord(*live));
-  if (!inserted.ok()) {
-    GivePlaceBack(*live);
-    // The same request may have come twice at the same time.
-    ISOMATCH_ASSIGN_OR_RETURN(
-        std::optional<JobSnapshot> other,
-        FindRequest(live->spec.request_id, live->spec.request_sha256));
-    if (other) return *std::move(other);
-    return inserted.status();
+  const bool may_be_known = !status.ok() && !request_id.empty();
+  if (may_be_known && parts_.jobs->FindByRequestId(caller.tenant, request_id)) {
+    return absl::OkStatus();
   }
-  if (parts_.on_state) parts_.on_state(*inserted);
-  const std::string id = live->id;
-  Enqueue(live);
-  return Get(id);
+  return status;
 }
 
-absl::Status JobManager::TakePlace(const LiveJob& live) {
-  MutexLock lock(mutex_);
+absl::Status JobManager::CheckPlaceLocked(const std::string& tenant) const {
   if (draining_) return Draining(kRetryDraining);
   const int waiting = queue_.size() + arriving_;
-  const std::int64_t free_bytes =
-      parts_.budget->total_bytes() / 4 - queue_.mesh_bytes() - arriving_bytes_;
-  if (waiting >= limits_.max_queued_jobs ||
-      (waiting > 0 && live.mesh_bytes > free_bytes)) {
+  if (waiting >= limits_.max_queued_jobs) {
     return QueueFull(waiting, kRetryQueueFull);
   }
-  ++arriving_;
-  arriving_bytes_ += live.mesh_bytes;
+  const int own = queue_.CountOf(tenant);
+  if (own >= limits_.max_queued_jobs_per_tenant) {
+    return TenantQuota(tenant, own, kRetryQueueFull);
+  }
   return absl::OkStatus();
 }
 
-void JobManager::GivePlaceBack(const LiveJob& live) {
-  MutexLock lock(mutex_);
-  --arriving_;
-  arriving_bytes_ -= live.mesh_bytes;
+absl::StatusOr<JobSnapshot> JobManager::Create(const Caller& caller,
+                                               JobSpec spec) {
+  ISOMATCH_ASSIGN_OR_RETURN(
+      std::optional<JobSnapshot> before,
+      FindRequest(caller, spec.request_id, spec.request_sha256));
+  if (before) return *std::move(before);
+  JobRecord record = NewRecord(caller, spec);
+  const std::int64_t budget_bytes = parts_.budget->total_bytes();
+  if (record.memory_estimate_bytes > budget_bytes) {
+    return JobNeedsMoreMemoryThanBudget(record.memory_estimate_bytes,
+                                        budget_bytes);
+  }
+  if (spec.validate_only) return JobSnapshot{std::move(record), 0};
+  record.id = parts_.new_id();
+  return Accept(caller, std::move(record), std::move(spec.inputs));
 }
 
-void JobManager::Enqueue(const std::shared_ptr<LiveJob>& live) {
-  const std::string id = live->id;
-  if (const auto limit = live->spec.queue_timeout) {
-    live->timer = parts_.timers->PostAfter(*limit, [this, id, limit] {
-      FailIfStill(JobState::kQueued, id, QueueTimeout(*limit));
-    });
+JobRecord JobManager::NewRecord(const Caller& caller,
+                                const JobSpec& spec) const {
+  JobRecord record;
+  record.tenant = caller.tenant;
+  record.memory_estimate_bytes = parts_.runner->EstimateBytes(spec);
+  record.create_time = parts_.now();
+  record.labels = spec.labels;
+  record.request_id = spec.request_id;
+  record.request_sha256 = spec.request_sha256;
+  record.priority = spec.priority;
+  record.queue_timeout = spec.queue_timeout;
+  record.run_timeout = spec.run_timeout;
+  for (const JobInput& input : spec.inputs) {
+    record.inputs.push_back(input.sha256);
+  }
+  return record;
+}
+
+absl::StatusOr<JobSnapshot> JobManager::Accept(const Caller& caller,
+                                               JobRecord record,
+                                               std::vector<JobInput> inputs) {
+  {
+    MutexLock lock(mutex_);
+    ISOMATCH_RETURN_IF_ERROR(CheckPlaceLocked(caller.tenant));
+    ++arriving_;
+  }
+  const std::string request_id = record.request_id;
+  const std::string request_sha256 = record.request_sha256;
+  const auto stored = Store(std::move(record), std::move(inputs));
+  if (!stored.ok()) {
+    {
+      MutexLock lock(mutex_);
+      --arriving_;
+    }
+    // The same request may have come twice at the same time.
+    ISOMATCH_ASSIGN_OR_RETURN(std::optional<JobSnapshot> other,
+                              FindRequest(caller, request_id, request_sha256));
+    if (other) return *std::move(other);
+    return stored.status();
+  }
+  if (parts_.on_state) parts_.on_state(*stored);
+  {
+    MutexLock lock(mutex_);
+    --arriving_;
+  }
+  Enqueue(*stored);
+  return Get(caller, stored->id);
+}
+
+absl::StatusOr<JobRecord> JobManager::Store(JobRecord record,
+                                            std::vector<JobInput> inputs) {
+  ISOMATCH_RETURN_IF_ERROR(StoreInputs(record, std::move(inputs)));
+  auto stored = parts_.jobs->Insert(record);
+  if (stored.ok()) return stored;
+  UnpinInputs(record);
+  if (absl::IsAlreadyExists(stored.status())) return stored;
+  return StorageFailed(stored.status());
+}
+
+absl::Status JobManager::StoreInputs(const JobRecord& record,
+                                     std::vector<JobInput> inputs) {
+  JobRecord done;
+  done.tenant = record.tenant;
+  for (JobInput& input : inputs) {
+    const BlobKey key = {record.tenant, input.sha256};
+    absl::Status status;
+    if (input.bytes) {
+      status = parts_.blobs->Put(key, *std::move(input.bytes), Keep::kPinned);
+      if (!status.ok()) status = StorageFailed(status);
+    } else if (!parts_.blobs->Pin(key)) {  // it went since it was read
+      status = MeshMissing("digest", input.sha256);
+    }
+    if (!status.ok()) {
+      UnpinInputs(done);
+      return status;
+    }
+    done.inputs.push_back(input.sha256);
+  }
+  return absl::OkStatus();
+}
+
+void JobManager::Enqueue(const JobRecord& record) {
+  const auto live = std::make_shared<LiveJob>();
+  live->id = record.id;
+  live->tenant = record.tenant;
+  live->priority = record.priority;
+  live->memory_estimate_bytes = record.memory_estimate_bytes;
+  if (const auto limit = record.queue_timeout) {
+    const absl::Duration left = record.create_time + *limit - parts_.now();
+    live->timer = parts_.timers->PostAfter(
+        std::max(left, absl::ZeroDuration()), [this, id = record.id, limit] {
+          FailIfStill(JobState::kQueued, id, QueueTimeout(*limit));
+        });
   }
   bool too_late = false;
   {
     MutexLock lock(mutex_);
-    --arriving_;
-    arriving_bytes_ -= live->mesh_bytes;
     too_late = draining_;
-    live_[id] = live;
-    queue_.Push(live);
+    if (!too_late) {
+      live_[record.id] = live;
+      queue_.Push(live);
+    }
   }
-  if (too_late) (void)Stop(id, JobState::kCancelled, NoEdit);
+  if (too_late && !limits_.durable) {
+    (void)Stop(record.id, JobState::kCancelled, NoEdit);
+  }
   Dispatch();
 }
 
-// Running it.
+// Those that were there before.
 
-void JobManager::Dispatch() {
-  while (std::shared_ptr<LiveJob> live = TakeNext()) {
-    parts_.workers->Post(
-        [this, live = std::move(live)]() mutable { Run(std::move(live)); });
-  }
+void JobManager::Begin() {
+  JobFilter all;
+  all.limit = std::numeric_limits<int>::max();
+  std::vector<JobRecord> records = parts_.jobs->List(all);
+  std::reverse(records.begin(), records.end());  // the oldest first
+  for (const JobRecord& record : records) TakeUp(record);
+  ForgetOld();
 }
 
-std::shared_ptr<LiveJob> JobManager::TakeNext() {
-  MutexLock lock(mutex_);
-  if (running_ >= limits_.workers) return nullptr;
-  std::shared_ptr<LiveJob> live = queue_.PopFitting(*parts_.budget);
-  if (live != nullptr) ++running_;
-  return live;
-}
-
-void JobManager::Run(std::shared_ptr<LiveJob> live) {
-  const std::string id = live->id;
-  if (Start(*live).ok()) {
-    Finish(id,
-           parts_.runner->Run(
-               live->spec, [&](const JobProgress& p) { ReportProgress(id, p); },
-               live->stop.get_token()));
-  }
-  ReleaseSlot(std::move(live));
-  Dispatch();
-}
-
-absl::Status JobManager::Start(LiveJob& live) {
-  live.timer.reset();
-  ISOMATCH_RETURN_IF_ERROR(
-      Move(live.id, JobState::kRunning, [&](JobRecord& record) {
-        record.start_time = parts_.now();
-        return absl::OkStatus();
-      }));
-  if (const auto limit = live.spec.run_timeout) {
-    live.timer = parts_.timers->PostAfter(*limit, [this, id = live.id, limit] {
-      FailIfStill(JobState::kRunning, id, RunTimeout(*limit));
-    });
-  }
-  return absl::OkStatus();
-}
-
-void JobManager::ReportProgress(const std::string& id,
-                                const JobProgress& progress) {
-  (void)Change(id, [&](JobRecord& record) {
-    if (IsTerminal(record.state)) return JobIsTerminal(id, record.state);
-    record.progress = progress;
-    return absl::OkStatus();
-  });
-}
-
-void JobManager::Finish(const std::string& id,
-                        absl::StatusOr<RunOutcome> outcome) {
-  absl::Status status = outcome.status();
-  if (status.ok()) status = Succeed(id, *std::move(outcome));
-  if (!status.ok()) Fail(id, status);
-}
-
-absl::Status JobManager::Succeed(const std::string& id, RunOutcome outcome) {
-  JobResult& result = outcome.result;
-  ISOMATCH_RETURN_IF_ERROR(StoreParts(std::move(outcome.parts), result));
-  const absl::Status moved =
-      Move(id, JobState::kSucceeded, [&](JobRecord& record) {
-        record.result = result;
-        record.progress.stage_fraction = 1;
-        record.progress.total_fraction = 1;
-        return absl::OkStatus();
-      });
-  if (!moved.ok()) UnpinParts(result);
-  return moved;
-}
-
-absl::Status JobManager::StoreParts(std::vector<EncodedPart> parts,
-                                    JobResult& result) {
-  for (EncodedPart& part : parts) {
-    StoredPart stored{part.part, Sha256Hex(part.bytes),
-                      static_cast<std::int64_t>(part.bytes.size())};
-    const absl::Status put =
-        parts_.blobs->Put(stored.sha256, std::move(part.bytes), Keep::kPinned);
-    if (!put.ok()) {
-      UnpinParts(result);
-      return OutOfMemory();
+void JobManager::TakeUp(const JobRecord& record) {
+  if (record.result) {
+    for (const StoredPart& part : record.result->parts) {
+      (void)parts_.blobs->Pin({record.tenant, part.sha256});
     }
-    result.parts.push_back(std::move(stored));
   }
-  return absl::OkStatus();
+  if (IsTerminal(record.state)) return;
+  for (const std::string& sha256 : record.inputs) {
+    (void)parts_.blobs->Pin({record.tenant, sha256});
+  }
+  const std::int64_t budget_bytes = parts_.budget->total_bytes();
+  const bool ran = record.state == JobState::kRunning;
+  if (ran && record.attempt >= limits_.max_attempts) {
+    return Fail(record, CrashedRepeatedly(record.attempt));
+  }
+  if (record.memory_estimate_bytes > budget_bytes) {
+    return Fail(record, JobNeedsMoreMemoryThanBudget(
+                            record.memory_estimate_bytes, budget_bytes));
+  }
+  if (ran) {
+    (void)Move(record.id, JobState::kQueued, NoEdit);
+  }
+  Enqueue(record);
 }
 
-void JobManager::Fail(const std::string& id, const absl::Status& error) {
-  if (absl::IsCancelled(error)) {
-    (void)Move(id, JobState::kCancelled, NoEdit);
-    return;
-  }
-  // Refused when the job was cancelled or timed out before: that is what it is.
-  (void)Move(id, JobState::kFailed, [&](JobRecord& record) {
-    record.error = ErrorOf(error);
-    return absl::OkStatus();
-  });
-}
-
-void JobManager::ReleaseSlot(std::shared_ptr<LiveJob> live) {
-  live->Release();  // before the slot, so that the next job finds the memory
+void JobManager::ForgetOld() {
+  Prune();
+  Executor::Timer next =
+      parts_.timers->PostAfter(kRetentionInterval, [this] { ForgetOld(); });
   MutexLock lock(mutex_);
-  live_.erase(live->id);
-  --running_;
-  idle_.NotifyAll();
-}
-
-// Ending it early.
-
-absl::StatusOr<JobSnapshot> JobManager::Cancel(const std::string& id) {
-  ISOMATCH_RETURN_IF_ERROR(Stop(id, JobState::kCancelled, NoEdit));
-  return Get(id);
-}
-
-absl::Status JobManager::Delete(const std::string& id) {
-  auto removed = parts_.jobs->Delete(id);
-  if (absl::IsNotFound(removed.status())) return JobNotFound(id);
-  if (!removed.ok()) {
-    ISOMATCH_ASSIGN_OR_RETURN(const JobSnapshot now, Get(id));
-    return JobIsNotTerminal(id, now.record.state);
-  }
-  Forget({*std::move(removed)});
-  watchers_.Notify(id);
-  return absl::OkStatus();
-}
-
-absl::Status JobManager::Stop(const std::string& id, JobState to,
-                              const Edit& edit) {
-  ISOMATCH_RETURN_IF_ERROR(Move(id, to, edit));
-  std::shared_ptr<LiveJob> live;
-  std::shared_ptr<LiveJob> queued;
-  {
-    MutexLock lock(mutex_);
-    const auto found = live_.find(id);
-    if (found == live_.end()) return absl::OkStatus();
-    live = found->second;
-    queued = queue_.Remove(id);
-    if (queued != nullptr) live_.erase(found);
-  }
-  live->stop.request_stop();
-  if (queued != nullptr) {
-    queued->Release();
-    Dispatch();  // it may have stood in the way of others
-  }
-  return absl::OkStatus();
-}
-
-void JobManager::FailIfStill(JobState state, const std::string& id,
-                             const absl::Status& error) {
-  (void)Stop(id, JobState::kFailed, [&](JobRecord& record) {
-    if (record.state != state) return absl::FailedPreconditionError("too late");
-    record.error = ErrorOf(error);
-    return absl::OkStatus();
-  });
-}
-
-void JobManager::BeginDrain() {
-  {
-    MutexLock lock(mutex_);
-    draining_ = true;
-  }
-  while (true) {
-    std::shared_ptr<LiveJob> queued;
-    {
-      MutexLock lock(mutex_);
-      queued = queue_.PopFront();
-      if (queued != nullptr) live_.erase(queued->id);
-    }
-    if (queued == nullptr) return;
-    (void)Move(queued->id, JobState::kCancelled, NoEdit);
-    queued->Release();
-  }
-}
-
-void JobManager::Shutdown(absl::Duration drain) {
-  BeginDrain();
-  if (WaitUntilIdle(drain)) return;
-  for (const std::string& id : LiveIds()) {
-    (void)Stop(id, JobState::kCancelled, NoEdit);
-  }
-  WaitUntilIdle(absl::InfiniteDuration());
-}
-
-bool JobManager::WaitUntilIdle(absl::Duration timeout) {
-  const auto deadline =
-      std::chrono::steady_clock::now() +
-      absl::ToChronoMilliseconds(std::min(timeout, absl::Hours(24 * 365)));
-  MutexLock lock(mutex_);
-  while (running_ > 0) {
-    if (!idle_.WaitUntil(mutex_, deadline)) return running_ == 0;
-  }
-  return true;
-}
-
-std::vector<std::string> JobManager::LiveIds() const {
-  std::vector<std::string> ids;
-  MutexLock lock(mutex_);
-  for (const auto& [id, live] : live_) ids.push_back(id);
-  return ids;
+  if (!draining_) retention_timer_ = std::move(next);
 }
 
 // Changing it.
@@ -403,11 +321,13 @@ absl::Status JobManager::Move(const std::string& id, JobState to,
                               record.state = to;
                               if (IsTerminal(to))
                                 record.end_time = parts_.now();
+                              if (to == JobState::kQueued) Rewind(record);
                               return absl::OkStatus();
                             }));
   if (parts_.on_state) parts_.on_state(moved);
   if (IsTerminal(to)) {
-    Forget(parts_.jobs->Prune(limits_.max_kept_jobs, limits_.max_result_bytes));
+    UnpinInputs(moved);
+    Prune();
   }
   return absl::OkStatus();
 }
@@ -424,13 +344,29 @@ absl::StatusOr<JobRecord> JobManager::Change(const std::string& id,
   }
 }
 
-void JobManager::UnpinParts(const JobResult& result) {
-  for (const StoredPart& part : result.parts) parts_.blobs->Unpin(part.sha256);
+void JobManager::UnpinParts(const std::string& tenant,
+                            const JobResult& result) {
+  for (const StoredPart& part : result.parts) {
+    parts_.blobs->Unpin({tenant, part.sha256});
+  }
+}
+
+void JobManager::UnpinInputs(const JobRecord& record) {
+  for (const std::string& sha256 : record.inputs) {
+    parts_.blobs->Unpin({record.tenant, sha256});
+  }
+}
+
+void JobManager::Prune() {
+  Forget(parts_.jobs->Prune(
+      {.max_jobs = limits_.max_kept_jobs,
+       .max_result_bytes = limits_.max_result_bytes,
+       .ended_before = parts_.now() - limits_.job_retention}));
 }
 
 void JobManager::Forget(const std::vector<JobRecord>& removed) {
   for (const JobRecord& record : removed) {
-    if (record.result) UnpinParts(*record.result);
+    if (record.result) UnpinParts(record.tenant, *record.result);
   }
 }
 

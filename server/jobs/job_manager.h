@@ -1,5 +1,6 @@
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -12,6 +13,7 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "core/base/mutex.h"
+#include "server/jobs/caller.h"
 #include "server/jobs/executor.h"
 #include "server/jobs/job_queue.h"
 #include "server/jobs/job_runner.h"
@@ -44,17 +46,20 @@ struct JobPart {
 ///            Create
 ///              |
 ///           QUEUED ------------------+--------------------+
-///              | slot and memory     | queue timeout      | Cancel, Shutdown
-///              v                     v                    v
+///            ^ | slot and memory     | queue timeout      | Cancel
+///    stopped | v                     v                    v
 ///           RUNNING ------------> FAILED             CANCELLED
 ///              |    error, run timeout                    ^
 ///              |                                          |
-///              +-------------- Cancel, Shutdown ----------+
+///              +-------------------- Cancel --------------+
 ///              v
 ///          SUCCEEDED
 ///
 /// A job that is cancelled or timed out is terminal at once, whatever its
 /// worker does; the slot and the memory come back when the match has returned.
+///
+/// With durable stores, jobs go back to QUEUED when the server stops, or starts
+/// again after a crash, and run then; without, they become CANCELLED.
 ///
 /// Thread-safe. The mutex is never held while the store, a watcher, the match
 /// or an executor is called.
@@ -63,14 +68,20 @@ class JobManager {
   struct Limits {
     /// Jobs that run at the same time; the executor has as many threads.
     int workers = 1;
-    /// Jobs that wait. Their meshes take at most a quarter of the memory
-    /// budget, unless there is only one.
+    /// Jobs that wait, in all and of one tenant.
     int max_queued_jobs = 100;
-    /// Terminal jobs that are remembered, and the bytes of their results.
+    int max_queued_jobs_per_tenant = 100;
+    /// Terminal jobs that are remembered, for how long, and the bytes of their
+    /// results.
     int max_kept_jobs = 1000;
+    absl::Duration job_retention = absl::InfiniteDuration();
     std::int64_t max_result_bytes = std::int64_t{256} << 20;
     /// See JobQueue.
     int max_passes = 8;
+    /// How often a job is started that takes the server down.
+    int max_attempts = 3;
+    /// The stores outlive the process.
+    bool durable = false;
   };
 
   /// What the manager works with; all outlive it except the executors, which
@@ -87,6 +98,8 @@ class JobManager {
     std::function<absl::Time()> now;
     /// Returns an id that was never used before.
     std::function<std::string()> new_id;
+    /// Reads a job again from its inputs.
+    std::function<absl::StatusOr<JobSpec>(const JobRecord&)> load_spec;
     /// Told of every change of state, for the log. May be empty.
     std::function<void(const JobRecord&)> on_state;
   };
@@ -99,72 +112,112 @@ class JobManager {
 
   JobManager(const Limits& limits, const Parts& parts);
 
+  /// Takes up the jobs that the store has from an earlier process: those that
+  /// were queued or running are queued, in their order; one that was started
+  /// `max_attempts` times becomes FAILED (CRASHED_REPEATEDLY). From now on
+  /// forgets old jobs by itself. Call once, before Create.
+  void Begin();
+
+  // The job of another tenant is NOT_FOUND, but for an administrator.
+
   /// Returns the job that the request with this id made before; nullopt for
   /// none or an empty id. ALREADY_EXISTS (REQUEST_ID_REUSED) when that was
   /// another request.
   absl::StatusOr<std::optional<JobSnapshot>> FindRequest(
-      const std::string& request_id, const std::string& request_sha256) const;
+      const Caller& caller, const std::string& request_id,
+      const std::string& request_sha256) const;
 
-  /// Accepts a job, or only checks it. The same request_id and request again
-  /// return the first job. UNAVAILABLE (DRAINING), RESOURCE_EXHAUSTED
-  /// (QUEUE_FULL), FAILED_PRECONDITION (JOB_NEEDS_MORE_MEMORY_THAN_BUDGET),
-  /// ALREADY_EXISTS (REQUEST_ID_REUSED).
-  absl::StatusOr<JobSnapshot> Create(JobSpec spec);
+  /// Whether there is a place for one more job of the caller, or its request_id
+  /// has made one before: UNAVAILABLE (DRAINING), RESOURCE_EXHAUSTED
+  /// (QUEUE_FULL, TENANT_QUOTA). Quick: spares the work of reading the request.
+  absl::Status CheckPlace(const Caller& caller,
+                          const std::string& request_id) const;
 
-  absl::StatusOr<JobSnapshot> Get(const std::string& id) const;
-  std::vector<JobSnapshot> List(const JobFilter& filter) const;
+  /// Accepts a job, or only checks it; it is in the stores when this returns.
+  /// The same request_id and request again return the first job. Errors as
+  /// CheckPlace; FAILED_PRECONDITION (JOB_NEEDS_MORE_MEMORY_THAN_BUDGET,
+  /// MESH_MISSING), ALREADY_EXISTS (REQUEST_ID_REUSED), UNAVAILABLE or
+  /// RESOURCE_EXHAUSTED (STORAGE_FAILED).
+  absl::StatusOr<JobSnapshot> Create(const Caller& caller, JobSpec spec);
+
+  absl::StatusOr<JobSnapshot> Get(const Caller& caller,
+                                  const std::string& id) const;
+  std::vector<JobSnapshot> List(const Caller& caller, JobFilter filter) const;
 
   /// Makes the job CANCELLED. NOT_FOUND; FAILED_PRECONDITION (JOB_TERMINAL).
-  absl::StatusOr<JobSnapshot> Cancel(const std::string& id);
+  absl::StatusOr<JobSnapshot> Cancel(const Caller& caller,
+                                     const std::string& id);
 
   /// Forgets a terminal job. NOT_FOUND; FAILED_PRECONDITION (JOB_NOT_TERMINAL).
-  absl::Status Delete(const std::string& id);
+  absl::Status Delete(const Caller& caller, const std::string& id);
 
   /// Returns a part of the result. NOT_FOUND (JOB_NOT_FOUND,
   /// RESULT_PART_MISSING); FAILED_PRECONDITION (JOB_NOT_SUCCEEDED).
-  absl::StatusOr<JobPart> GetPart(const std::string& id, ResultPart part) const;
+  absl::StatusOr<JobPart> GetPart(const Caller& caller, const std::string& id,
+                                  ResultPart part) const;
 
   /// Who is told of changes; see there.
   Watchers& watchers() { return watchers_; }
 
   Load load() const;
 
-  /// From now on Create answers DRAINING; queued jobs become CANCELLED.
+  /// From now on Create answers DRAINING and no job starts. Without durable
+  /// stores queued jobs become CANCELLED.
   void BeginDrain();
 
-  /// BeginDrain; waits up to `drain` for running jobs, then cancels them and
+  /// BeginDrain; waits up to `drain` for running jobs, then stops them and
   /// waits until no worker has one.
   void Shutdown(absl::Duration drain);
+
+  /// Whether Shutdown is over: no job changes any more.
+  bool has_stopped() const { return stopped_; }
 
  private:
   using Edit = std::function<absl::Status(JobRecord&)>;
 
   // A job's way in.
-  std::shared_ptr<LiveJob> MakeLive(JobSpec spec) const;
-  JobRecord NewRecord(const LiveJob& live) const;
-  absl::Status TakePlace(const LiveJob& live);
-  void GivePlaceBack(const LiveJob& live);
-  absl::StatusOr<JobSnapshot> Accept(const std::shared_ptr<LiveJob>& live);
-  void Enqueue(const std::shared_ptr<LiveJob>& live);
+  absl::Status CheckPlaceLocked(const std::string& tenant) const
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  JobRecord NewRecord(const Caller& caller, const JobSpec& spec) const;
+  absl::StatusOr<JobSnapshot> Accept(const Caller& caller, JobRecord record,
+                                     std::vector<JobInput> inputs);
+  absl::StatusOr<JobRecord> Store(JobRecord record,
+                                  std::vector<JobInput> inputs);
+  absl::Status StoreInputs(const JobRecord& record,
+                           std::vector<JobInput> inputs);
+  void Enqueue(const JobRecord& record);
+
+  // One that was there before.
+  void TakeUp(const JobRecord& record);
+  void ForgetOld();
 
   // Running it.
   void Dispatch();
   std::shared_ptr<LiveJob> TakeNext();
   void Run(std::shared_ptr<LiveJob> live);
-  absl::Status Start(LiveJob& live);
+  absl::StatusOr<JobRecord> Start(LiveJob& live);
+  absl::StatusOr<RunOutcome> Execute(const LiveJob& live,
+                                     const JobRecord& record);
   void ReportProgress(const std::string& id, const JobProgress& progress);
-  void Finish(const std::string& id, absl::StatusOr<RunOutcome> outcome);
-  absl::Status Succeed(const std::string& id, RunOutcome outcome);
-  absl::Status StoreParts(std::vector<EncodedPart> parts, JobResult& result);
-  void Fail(const std::string& id, const absl::Status& error);
+  void Finish(const JobRecord& record, absl::StatusOr<RunOutcome> outcome);
+  absl::Status Succeed(const JobRecord& record, RunOutcome outcome);
+  absl::Status StoreParts(const std::string& tenant,
+                          std::vector<EncodedPart> parts, JobResult& result);
+  /// Unless its state is another than the record's by now.
+  void Fail(const JobRecord& record, const absl::Status& error);
   void ReleaseSlot(std::shared_ptr<LiveJob> live);
 
   // Ending it early.
   absl::Status Stop(const std::string& id, JobState to, const Edit& edit);
   void FailIfStill(JobState state, const std::string& id,
                    const absl::Status& error);
+  void StopRunning(const std::string& id);
   bool WaitUntilIdle(absl::Duration timeout);
   std::vector<std::string> LiveIds() const;
+
+  /// Returns the job if the caller may know of it.
+  absl::StatusOr<JobRecord> Find(const Caller& caller,
+                                 const std::string& id) const;
 
   /// Applies `edit` to the newest record, again if another change came first,
   /// and tells the watchers.
@@ -176,8 +229,12 @@ class JobManager {
 
   JobSnapshot SnapshotOf(JobRecord record) const;
 
-  /// Lets go of the parts that StoreParts stored.
-  void UnpinParts(const JobResult& result);
+  /// Lets go of the parts that StoreParts stored, and of what StoreInputs did.
+  void UnpinParts(const std::string& tenant, const JobResult& result);
+  void UnpinInputs(const JobRecord& record);
+
+  /// Forgets the jobs that are too old or too many.
+  void Prune();
 
   /// Lets go of the results of jobs that are gone.
   void Forget(const std::vector<JobRecord>& removed);
@@ -189,14 +246,16 @@ class JobManager {
   mutable Mutex mutex_;
   CondVar idle_;
   JobQueue queue_ ABSL_GUARDED_BY(mutex_);
-  /// Jobs between TakePlace and Enqueue, and their meshes.
+  /// Jobs between CheckPlaceLocked and Enqueue.
   int arriving_ ABSL_GUARDED_BY(mutex_) = 0;
-  std::int64_t arriving_bytes_ ABSL_GUARDED_BY(mutex_) = 0;
   /// Those that are queued or have a worker.
   std::unordered_map<std::string, std::shared_ptr<LiveJob>> live_
       ABSL_GUARDED_BY(mutex_);
   int running_ ABSL_GUARDED_BY(mutex_) = 0;
   bool draining_ ABSL_GUARDED_BY(mutex_) = false;
+  /// Of the next ForgetOld.
+  Executor::Timer retention_timer_ ABSL_GUARDED_BY(mutex_);
+  std::atomic<bool> stopped_ = false;
 };
 
 }  // namespace isomatch

@@ -159,11 +159,12 @@ absl::Status JobRunner::ValidateLandmarks(const JobSpec& spec) const {
                                     spec.mesh_y.num_vertices());
 }
 
-absl::StatusOr<RunOutcome> JobRunner::Run(const JobSpec& spec,
+absl::StatusOr<RunOutcome> JobRunner::Run(const LoadSpec& load,
                                           const OnProgress& on_progress,
                                           const std::stop_token& stop) const {
   try {
     RunMeter meter(now_, on_progress);
+    ISOMATCH_ASSIGN_OR_RETURN(const JobSpec spec, load());
     ISOMATCH_ASSIGN_OR_RETURN(
         Correspondence found,
         engine_.match(

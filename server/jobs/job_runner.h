@@ -28,6 +28,7 @@ class JobRunner {
  public:
   using Clock = std::function<absl::Time()>;
   using OnProgress = std::function<void(const JobProgress&)>;
+  using LoadSpec = std::function<absl::StatusOr<JobSpec>()>;
 
   /// The shortest time between two calls of OnProgress within a stage.
   static constexpr absl::Duration kProgressInterval = absl::Milliseconds(100);
@@ -41,9 +42,10 @@ class JobRunner {
   /// Landmarks that are in range and do not contradict each other.
   absl::Status ValidateLandmarks(const JobSpec& spec) const;
 
-  /// Returns the parts and the figures. CANCELLED once `stop` is requested;
-  /// RESOURCE_EXHAUSTED (OUT_OF_MEMORY) when an allocation failed.
-  absl::StatusOr<RunOutcome> Run(const JobSpec& spec,
+  /// Returns the parts and the figures. What `load` fails with; CANCELLED once
+  /// `stop` is requested; RESOURCE_EXHAUSTED (OUT_OF_MEMORY) when an allocation
+  /// failed.
+  absl::StatusOr<RunOutcome> Run(const LoadSpec& load,
                                  const OnProgress& on_progress,
                                  const std::stop_token& stop) const;
 

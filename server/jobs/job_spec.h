@@ -13,6 +13,13 @@
 
 namespace isomatch {
 
+/// A blob that running a job needs.
+struct JobInput {
+  std::string sha256;
+  /// Not set: it is in the blob store already.
+  std::optional<std::string> bytes;
+};
+
 /// A checked request for a job.
 struct JobSpec {
   TriangleMesh mesh_x;
@@ -25,12 +32,16 @@ struct JobSpec {
   /// Not set means no limit.
   std::optional<absl::Duration> queue_timeout;
   std::optional<absl::Duration> run_timeout;
+  /// Jobs of a higher one start first.
+  std::int32_t priority = 0;
   /// Only check; nothing is kept.
   bool validate_only = false;
   /// Empty for none.
   std::string request_id;
   /// SHA-256 of the request; tells a retry from another request.
   std::string request_sha256;
+  /// What all above is read from again when the job starts.
+  std::vector<JobInput> inputs;
 };
 
 /// Returns the bytes that the two meshes hold.

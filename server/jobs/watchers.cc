@@ -21,6 +21,19 @@ void Watchers::Notify(const std::string& id) {
   for (const auto& watcher : Of(id)) watcher->OnJobChanged();
 }
 
+void Watchers::NotifyAll() {
+  std::vector<std::shared_ptr<JobWatcher>> alive;
+  {
+    MutexLock lock(mutex_);
+    for (const auto& [id, entries] : watchers_) {
+      for (const Entry& entry : entries) {
+        if (auto watcher = entry.watcher.lock()) alive.push_back(watcher);
+      }
+    }
+  }
+  for (const auto& watcher : alive) watcher->OnJobChanged();
+}
+
 std::vector<std::shared_ptr<JobWatcher>> Watchers::Of(const std::string& id) {
   std::vector<std::shared_ptr<JobWatcher>> alive;
   MutexLock lock(mutex_);

@@ -28,6 +28,9 @@ class Watchers {
   /// Calls OnJobChanged of all watchers of the job.
   void Notify(const std::string& id);
 
+  /// Calls OnJobChanged of all watchers.
+  void NotifyAll();
+
  private:
   struct Entry {
     const JobWatcher* address;

@@ -41,7 +41,7 @@ void SetLimits(const RequestLimits& limits,
 }
 
 absl::Status FindMissing(const v1::FindMissingMeshesRequest& request,
-                         const ServiceContext& context,
+                         const ServiceContext& context, const Caller& caller,
                          v1::FindMissingMeshesResponse& response) {
   if (request.digests_size() > RequestLimits::kMaxDigests) {
     return InvalidField("digests", absl::StrCat(request.digests_size(),
@@ -52,17 +52,18 @@ absl::Status FindMissing(const v1::FindMissingMeshesRequest& request,
     const v1::Digest& digest = request.digests(i);
     ISOMATCH_RETURN_IF_ERROR(ValidateDigest(
         digest, absl::StrCat("digests[", i, "]"), context.parse.limits));
-    if (context.blobs->Get(digest.sha256()) == nullptr) {
+    if (!context.blobs->Has({caller.tenant, digest.sha256()})) {
       *response.add_missing() = digest;
     }
   }
   return absl::OkStatus();
 }
 
-absl::Status Get(const v1::GetJobRequest& request, const JobManager& manager,
-                 v1::GetJobResponse& response) {
+absl::Status Get(const v1::GetJobRequest& request, const Caller& caller,
+                 const JobManager& manager, v1::GetJobResponse& response) {
   ISOMATCH_ASSIGN_OR_RETURN(const std::string id, ParseJobName(request.name()));
-  ISOMATCH_ASSIGN_OR_RETURN(const JobSnapshot snapshot, manager.Get(id));
+  ISOMATCH_ASSIGN_OR_RETURN(const JobSnapshot snapshot,
+                            manager.Get(caller, id));
   *response.mutable_job() = ToProto(snapshot);
   return absl::OkStatus();
 }
@@ -90,12 +91,12 @@ absl::StatusOr<JobFilter> ParseFilter(const v1::ListJobsRequest& request) {
   return filter;
 }
 
-absl::Status List(const v1::ListJobsRequest& request, const JobManager& manager,
-                  v1::ListJobsResponse& response) {
+absl::Status List(const v1::ListJobsRequest& request, const Caller& caller,
+                  const JobManager& manager, v1::ListJobsResponse& response) {
   ISOMATCH_ASSIGN_OR_RETURN(JobFilter filter, ParseFilter(request));
   const auto page_size = static_cast<size_t>(filter.limit);
   ++filter.limit;  // one more tells whether there is a next page
-  std::vector<JobSnapshot> jobs = manager.List(filter);
+  std::vector<JobSnapshot> jobs = manager.List(caller, filter);
   if (jobs.size() > page_size) {
     jobs.pop_back();
     response.set_next_page_token(absl::StrCat(jobs.back().record.number));
@@ -109,17 +110,19 @@ absl::Status List(const v1::ListJobsRequest& request, const JobManager& manager,
   return absl::OkStatus();
 }
 
-absl::Status Cancel(const v1::CancelJobRequest& request, JobManager& manager,
-                    v1::CancelJobResponse& response) {
+absl::Status Cancel(const v1::CancelJobRequest& request, const Caller& caller,
+                    JobManager& manager, v1::CancelJobResponse& response) {
   ISOMATCH_ASSIGN_OR_RETURN(const std::string id, ParseJobName(request.name()));
-  ISOMATCH_ASSIGN_OR_RETURN(const JobSnapshot snapshot, manager.Cancel(id));
+  ISOMATCH_ASSIGN_OR_RETURN(const JobSnapshot snapshot,
+                            manager.Cancel(caller, id));
   *response.mutable_job() = ToProto(snapshot);
   return absl::OkStatus();
 }
 
-absl::Status Delete(const v1::DeleteJobRequest& request, JobManager& manager) {
+absl::Status Delete(const v1::DeleteJobRequest& request, const Caller& caller,
+                    JobManager& manager) {
   ISOMATCH_ASSIGN_OR_RETURN(const std::string id, ParseJobName(request.name()));
-  return manager.Delete(id);
+  return manager.Delete(caller, id);
 }
 
 }  // namespace
@@ -140,6 +143,9 @@ grpc::ServerUnaryReactor* CorrespondenceService::GetServerInfo(
   response->set_memory_reserved_bytes(
       static_cast<std::uint64_t>(context_.budget->reserved_bytes()));
   response->set_draining(load.draining);
+  response->set_durable(context_.durable);
+  response->mutable_job_retention()->set_seconds(
+      absl::ToInt64Seconds(context_.job_retention));
   return Finish(call, absl::OkStatus());
 }
 
@@ -153,7 +159,7 @@ grpc::ServerUnaryReactor* CorrespondenceService::FindMissingMeshes(
     grpc::CallbackServerContext* call,
     const v1::FindMissingMeshesRequest* request,
     v1::FindMissingMeshesResponse* response) {
-  return Finish(call, FindMissing(*request, context_, *response));
+  return Finish(call, FindMissing(*request, context_, Caller(), *response));
 }
 
 grpc::ServerUnaryReactor* CorrespondenceService::CreateJob(
@@ -165,7 +171,7 @@ grpc::ServerUnaryReactor* CorrespondenceService::CreateJob(
 grpc::ServerUnaryReactor* CorrespondenceService::GetJob(
     grpc::CallbackServerContext* call, const v1::GetJobRequest* request,
     v1::GetJobResponse* response) {
-  return Finish(call, Get(*request, *context_.manager, *response));
+  return Finish(call, Get(*request, Caller(), *context_.manager, *response));
 }
 
 grpc::ServerWriteReactor<v1::WatchJobResponse>* CorrespondenceService::WatchJob(
@@ -176,19 +182,19 @@ grpc::ServerWriteReactor<v1::WatchJobResponse>* CorrespondenceService::WatchJob(
 grpc::ServerUnaryReactor* CorrespondenceService::ListJobs(
     grpc::CallbackServerContext* call, const v1::ListJobsRequest* request,
     v1::ListJobsResponse* response) {
-  return Finish(call, List(*request, *context_.manager, *response));
+  return Finish(call, List(*request, Caller(), *context_.manager, *response));
 }
 
 grpc::ServerUnaryReactor* CorrespondenceService::CancelJob(
     grpc::CallbackServerContext* call, const v1::CancelJobRequest* request,
     v1::CancelJobResponse* response) {
-  return Finish(call, Cancel(*request, *context_.manager, *response));
+  return Finish(call, Cancel(*request, Caller(), *context_.manager, *response));
 }
 
 grpc::ServerUnaryReactor* CorrespondenceService::DeleteJob(
     grpc::CallbackServerContext* call, const v1::DeleteJobRequest* request,
     v1::DeleteJobResponse*) {
-  return Finish(call, Delete(*request, *context_.manager));
+  return Finish(call, Delete(*request, Caller(), *context_.manager));
 }
 
 grpc::ServerWriteReactor<v1::DownloadResultResponse>*

@@ -11,6 +11,7 @@
 
 #include "core/base/status_macros.h"
 #include "server/convert/job_proto.h"
+#include "server/convert/stored_request.h"
 #include "server/jobs/errors.h"
 #include "server/rpc/grpc_status.h"
 
@@ -21,14 +22,16 @@ absl::StatusOr<JobSnapshot> Create(const ServiceContext& context,
                                    const v1::CreateJobRequest& request) {
   const std::string sha256 =
       request.request_id().empty() ? "" : RequestSha256(request);
+  const Caller caller;
   ISOMATCH_ASSIGN_OR_RETURN(
       const std::optional<JobSnapshot> before,
-      context.manager->FindRequest(request.request_id(), sha256));
+      context.manager->FindRequest(caller, request.request_id(), sha256));
   if (before) return *before;
-  ISOMATCH_ASSIGN_OR_RETURN(JobSpec spec,
-                            ParseCreateJob(request, context.parse));
+  ISOMATCH_ASSIGN_OR_RETURN(
+      JobSpec spec, ParseCreateJob(request, context.parse, caller.tenant));
   spec.request_sha256 = sha256;
-  return context.manager->Create(std::move(spec));
+  if (!spec.validate_only) spec.inputs = MakeJobInputs(request);
+  return context.manager->Create(caller, std::move(spec));
 }
 
 absl::StatusOr<JobSnapshot> CreateWithinMemory(
@@ -47,6 +50,14 @@ grpc::ServerUnaryReactor* StartCreateJob(const ServiceContext& context,
                                          const v1::CreateJobRequest* request,
                                          v1::CreateJobResponse* response) {
   grpc::ServerUnaryReactor* reactor = call->DefaultReactor();
+  if (!request->validate_only()) {
+    const absl::Status place =
+        context.manager->CheckPlace(Caller(), request->request_id());
+    if (!place.ok()) {
+      reactor->Finish(ToGrpc(place));
+      return reactor;
+    }
+  }
   const auto bytes = static_cast<std::int64_t>(request->ByteSizeLong());
   auto reserved = context.uploads->Reserve(bytes);
   if (!reserved.ok()) {

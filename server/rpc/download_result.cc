@@ -20,8 +20,9 @@ absl::StatusOr<JobPart> FindRequested(
   ISOMATCH_ASSIGN_OR_RETURN(const std::string id, ParseJobName(request.name()));
   ISOMATCH_ASSIGN_OR_RETURN(const ResultPart wanted,
                             ParseResultPart(request.part(), "part"));
+  const Caller caller;
   ISOMATCH_ASSIGN_OR_RETURN(JobPart found,
-                            context.manager->GetPart(id, wanted));
+                            context.manager->GetPart(caller, id, wanted));
   if (request.offset() > found.bytes->size()) {
     return OffsetOutOfRange(request.offset(), found.part.bytes);
   }

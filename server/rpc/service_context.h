@@ -12,6 +12,9 @@ namespace isomatch {
 /// What a client waits before it sends again what there was no room for.
 inline constexpr absl::Duration kRetryUploadQuota = absl::Seconds(2);
 
+/// What a watcher waits before it asks again for a job that goes on later.
+inline constexpr absl::Duration kRetryDraining = absl::Seconds(10);
+
 /// What the RPCs work with. All of it outlives the gRPC server.
 struct ServiceContext {
   JobManager* manager;
@@ -24,6 +27,8 @@ struct ServiceContext {
   Executor* intake;
   ParseContext parse;
   int workers = 1;
+  bool durable = false;
+  absl::Duration job_retention = absl::InfiniteDuration();
   absl::Duration watch_heartbeat = absl::Seconds(10);
   absl::Duration upload_idle_timeout = absl::Seconds(30);
 };

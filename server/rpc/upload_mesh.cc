@@ -48,7 +48,9 @@ class Upload {
     if (found != digest.sha256()) {
       return DigestMismatch(digest.sha256(), found);
     }
-    if (context_.blobs->Put(found, std::move(bytes_), Keep::kWhileRoom).ok()) {
+    if (context_.blobs
+            ->Put({Caller().tenant, found}, std::move(bytes_), Keep::kWhileRoom)
+            .ok()) {
       return absl::OkStatus();
     }
     return NoRoom();
@@ -61,9 +63,9 @@ class Upload {
         ValidateDigest(digest, "header", context_.parse.limits));
     begun_ = true;
     *response_.mutable_digest() = digest;
-    const BlobStore::Blob held = context_.blobs->Get(digest.sha256());
-    response_.set_known(held != nullptr);
-    if (held != nullptr) return absl::OkStatus();
+    response_.set_known(
+        context_.blobs->Has({Caller().tenant, digest.sha256()}));
+    if (response_.known()) return absl::OkStatus();
     auto reservation = context_.uploads->Reserve(
         static_cast<std::int64_t>(digest.size_bytes()));
     if (!reservation.ok()) return NoRoom();

@@ -11,6 +11,7 @@
 #include "core/base/mutex.h"
 #include "server/convert/job_name.h"
 #include "server/convert/job_proto.h"
+#include "server/jobs/errors.h"
 #include "server/rpc/grpc_status.h"
 
 namespace isomatch {
@@ -25,9 +26,11 @@ namespace {
 ///   4. OnWriteDone: pumps again if the flag is set; after a terminal snapshot
 ///      finishes with OK.
 ///   5. OnCancel: finishes with CANCELLED, after the write that is under way.
-///   6. OnDone: unregisters and lets go of itself.
+///   6. When the server stops and the job goes on after it starts again:
+///      finishes with UNAVAILABLE (DRAINING).
+///   7. OnDone: unregisters and lets go of itself.
 ///
-/// It holds itself alive from 1 to 6; the manager and the alarm hold it weakly.
+/// It holds itself alive from 1 to 7; the manager and the alarm hold it weakly.
 class WatchJobReactor final
     : public grpc::ServerWriteReactor<v1::WatchJobResponse>,
       public JobWatcher,
@@ -92,10 +95,13 @@ class WatchJobReactor final
   }
 
   void Pump(bool heartbeat) {
-    const auto snapshot = context_.manager->Get(id_);
+    const auto snapshot = context_.manager->Get(Caller(), id_);
     if (!snapshot.ok()) return FinishOnce(ToGrpc(snapshot.status()));
     v1::Job job = ToProto(*snapshot);
     const bool terminal = IsTerminal(snapshot->record.state);
+    if (!terminal && context_.manager->has_stopped()) {
+      return FinishOnce(ToGrpc(Draining(kRetryDraining)));
+    }
     {
       MutexLock lock(mutex_);
       if (finished_ || cancelled_ || wrote_terminal_) return;

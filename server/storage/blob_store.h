@@ -1,5 +1,6 @@
 #pragma once
 
+#include <compare>
 #include <cstdint>
 #include <memory>
 #include <string>
@@ -16,7 +17,19 @@ enum class Keep {
   kPinned,
 };
 
-/// Bytes under the SHA-256 of their content: uploaded meshes and results.
+/// What a blob is found by. Each tenant has its own, so that nobody learns what
+/// others have stored.
+struct BlobKey {
+  /// As Caller::tenant.
+  std::string tenant;
+  /// Of the content, 64 lower-case hexadecimal digits.
+  std::string sha256;
+
+  auto operator<=>(const BlobKey&) const = default;
+};
+
+/// Bytes under the SHA-256 of their content: uploaded meshes, requests and
+/// results. Pins live as long as the process: whoever starts again pins again.
 /// Thread-safe.
 class BlobStore {
  public:
@@ -25,16 +38,22 @@ class BlobStore {
   virtual ~BlobStore() = default;
 
   /// Stores `bytes`; content that is there already is kept once.
-  /// REQUIRES: sha256 == Sha256Hex(bytes). RESOURCE_EXHAUSTED: there is no room
-  /// even without all that may go.
-  virtual absl::Status Put(const std::string& sha256, std::string bytes,
+  /// REQUIRES: key.sha256 == Sha256Hex(bytes). RESOURCE_EXHAUSTED: there is no
+  /// room even without all that may go. UNAVAILABLE: the disk refuses.
+  virtual absl::Status Put(const BlobKey& key, std::string bytes,
                            Keep keep) = 0;
 
+  /// As Put of what is there already with kPinned; false when it is not there.
+  virtual bool Pin(const BlobKey& key) = 0;
+
   /// Takes back one kPinned; nothing when there is none.
-  virtual void Unpin(const std::string& sha256) = 0;
+  virtual void Unpin(const BlobKey& key) = 0;
 
   /// Returns the bytes, or null. Counts as a use.
-  virtual Blob Get(const std::string& sha256) = 0;
+  virtual Blob Get(const BlobKey& key) = 0;
+
+  /// Whether Get would find it. Counts as a use.
+  virtual bool Has(const BlobKey& key) = 0;
 
   /// Bytes of all blobs.
   virtual std::int64_t size_bytes() const = 0;

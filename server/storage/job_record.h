@@ -147,9 +147,11 @@ inline const StoredPart* FindPart(const JobResult& result, ResultPart part) {
   return nullptr;
 }
 
-/// All that is remembered of a job. Meshes are not.
+/// All that is remembered of a job. Meshes are blobs.
 struct JobRecord {
   std::string id;
+  /// As Caller::tenant.
+  std::string tenant;
   JobState state = JobState::kQueued;
   JobProgress progress;
   std::int64_t memory_estimate_bytes = 0;
@@ -159,10 +161,20 @@ struct JobRecord {
   absl::Time start_time = absl::InfinitePast();
   absl::Time end_time = absl::InfinitePast();
   std::map<std::string, std::string> labels;
-  /// Empty for none; otherwise no other job has it.
+  /// Empty for none; otherwise no other job of the tenant has it.
   std::string request_id;
   /// SHA-256 of the request that came with `request_id`.
   std::string request_sha256;
+  /// Jobs of a higher one start first.
+  std::int32_t priority = 0;
+  /// How often it was started.
+  std::int32_t attempt = 0;
+  /// Not set means no limit. The first counts from create_time.
+  std::optional<absl::Duration> queue_timeout;
+  std::optional<absl::Duration> run_timeout;
+  /// SHA-256 of the blobs that running it needs, pinned until it is terminal:
+  /// the request without its meshes, then the meshes.
+  std::vector<std::string> inputs;
 
   // Given by the store.
 

@@ -7,17 +7,28 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "absl/time/time.h"
 #include "server/storage/job_record.h"
 
 namespace isomatch {
 
 /// Which jobs List returns.
 struct JobFilter {
+  /// Not set for those of all tenants.
+  std::optional<std::string> tenant = {};
   /// Empty for all.
-  std::vector<JobState> states;
+  std::vector<JobState> states = {};
   /// Only jobs created before the one of this number; 0 for all.
   std::uint64_t before_number = 0;
   int limit = 100;
+};
+
+/// Which terminal jobs stay.
+struct KeepLimits {
+  int max_jobs = 1000;
+  /// Of the results together.
+  std::int64_t max_result_bytes = std::int64_t{256} << 20;
+  absl::Time ended_before = absl::InfinitePast();
 };
 
 /// The record of all jobs. Thread-safe; changes are decided by sequence
@@ -27,7 +38,8 @@ class JobStore {
   virtual ~JobStore() = default;
 
   /// Adds a job and returns it with sequence and number. ALREADY_EXISTS when
-  /// another job has its id or its (non-empty) request_id.
+  /// another job has its id, or another of its tenant its (non-empty)
+  /// request_id. UNAVAILABLE or RESOURCE_EXHAUSTED: it could not be stored.
   virtual absl::StatusOr<JobRecord> Insert(JobRecord record) = 0;
 
   /// Replaces the job's record and returns it with its new sequence. ABORTED
@@ -37,7 +49,7 @@ class JobStore {
 
   virtual std::optional<JobRecord> Get(const std::string& id) const = 0;
   virtual std::optional<JobRecord> FindByRequestId(
-      const std::string& request_id) const = 0;
+      const std::string& tenant, const std::string& request_id) const = 0;
 
   /// Newest first.
   virtual std::vector<JobRecord> List(const JobFilter& filter) const = 0;
@@ -46,11 +58,11 @@ class JobStore {
   /// FAILED_PRECONDITION when it is not terminal.
   virtual absl::StatusOr<JobRecord> Delete(const std::string& id) = 0;
 
-  /// Removes terminal jobs, the first that became so first, until at most
-  /// `max_jobs` of them with `max_result_bytes` of results are left; never the
-  /// last, however large its result. Returns the removed.
-  virtual std::vector<JobRecord> Prune(int max_jobs,
-                                       std::int64_t max_result_bytes) = 0;
+  /// Removes terminal jobs, the first that became so first: all that ended
+  /// before `limits.ended_before`, then until those that are left keep the
+  /// other limits; these never remove the last, however large its result.
+  /// Returns the removed.
+  virtual std::vector<JobRecord> Prune(const KeepLimits& limits) = 0;
 };
 
 }  // namespace isomatch

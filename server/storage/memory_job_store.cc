@@ -4,9 +4,14 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
 
 namespace isomatch {
 namespace {
+
+/// More changes than a process makes between two that are kept. What watchers
+/// saw before a crash stays behind what they see after it.
+constexpr std::uint64_t kSequenceGap = std::uint64_t{1} << 32;
 
 absl::Status NotFound(const std::string& id) {
   return absl::NotFoundError(absl::StrCat("no job ", id));
@@ -19,45 +24,75 @@ std::int64_t ResultBytes(const JobRecord& record) {
   return bytes;
 }
 
-bool HasState(const JobRecord& record, const std::vector<JobState>& states) {
+bool Matches(const JobRecord& record, const JobFilter& filter) {
+  if (filter.tenant && *filter.tenant != record.tenant) return false;
+  const std::vector<JobState>& states = filter.states;
   return states.empty() ||
          std::find(states.begin(), states.end(), record.state) != states.end();
 }
 
 }  // namespace
 
-absl::StatusOr<JobRecord> MemoryJobStore::Insert(JobRecord record) {
+MemoryJobStore::MemoryJobStore(std::vector<JobRecord> records,
+                               JobJournal* journal, OnError on_error)
+    : journal_(journal), on_error_(std::move(on_error)) {
   MutexLock lock(mutex_);
-  const bool named = !record.request_id.empty();
-  if (records_.count(record.id) != 0 ||
-      (named && by_request_id_.count(record.request_id) != 0)) {
-    return absl::AlreadyExistsError(absl::StrCat("job ", record.id));
+  for (const JobRecord& record : records) {
+    last_sequence_ = std::max(last_sequence_, record.sequence + kSequenceGap);
+    last_number_ = std::max(last_number_, record.number);
+    Add(record);
   }
-  record.sequence = ++last_sequence_;
-  record.number = ++last_number_;
-  by_number_[record.number] = record.id;
-  if (named) by_request_id_[record.request_id] = record.id;
-  records_[record.id] = record;
+}
+
+absl::StatusOr<JobRecord> MemoryJobStore::Insert(JobRecord record) {
+  MutexLock writing(writer_mutex_);
+  {
+    MutexLock lock(mutex_);
+    const bool named = !record.request_id.empty();
+    if (records_.count(record.id) != 0 ||
+        (named && by_request_.count({record.tenant, record.request_id}) != 0)) {
+      return absl::AlreadyExistsError(absl::StrCat("job ", record.id));
+    }
+    record.sequence = ++last_sequence_;
+    record.number = ++last_number_;
+  }
+  ISOMATCH_RETURN_IF_ERROR(WriteJournal(record));
+  MutexLock lock(mutex_);
+  Add(record);
   return record;
 }
 
 absl::StatusOr<JobRecord> MemoryJobStore::Update(JobRecord record) {
-  MutexLock lock(mutex_);
-  const auto position = records_.find(record.id);
-  if (position == records_.end()) return NotFound(record.id);
-  const JobRecord& stored = position->second;
-  if (stored.sequence != record.sequence) {
-    return absl::AbortedError(absl::StrCat("job ", record.id, " is at ",
-                                           stored.sequence, ", not at ",
-                                           record.sequence));
+  MutexLock writing(writer_mutex_);
+  bool is_kept = false;
+  {
+    MutexLock lock(mutex_);
+    const auto position = records_.find(record.id);
+    if (position == records_.end()) return NotFound(record.id);
+    const JobRecord& stored = position->second;
+    if (stored.sequence != record.sequence) {
+      return absl::AbortedError(absl::StrCat("job ", record.id, " is at ",
+                                             stored.sequence, ", not at ",
+                                             record.sequence));
+    }
+    is_kept = record.state != stored.state;
+    record.sequence = ++last_sequence_;
   }
-  record.sequence = ++last_sequence_;
+  if (is_kept) {
+    const absl::Status written = WriteJournal(record);
+    if (!written.ok()) {
+      unwritten_.insert(record.id);
+      on_error_(written);
+    }
+  }
+  MutexLock lock(mutex_);
+  JobRecord& stored = records_.at(record.id);
   if (IsTerminal(record.state)) {
     terminal_.erase(stored.sequence);
     terminal_[record.sequence] = record.id;
     result_bytes_ += ResultBytes(record) - ResultBytes(stored);
   }
-  position->second = record;
+  stored = record;
   return record;
 }
 
@@ -69,10 +104,10 @@ std::optional<JobRecord> MemoryJobStore::Get(const std::string& id) const {
 }
 
 std::optional<JobRecord> MemoryJobStore::FindByRequestId(
-    const std::string& request_id) const {
+    const std::string& tenant, const std::string& request_id) const {
   MutexLock lock(mutex_);
-  const auto position = by_request_id_.find(request_id);
-  if (position == by_request_id_.end()) return std::nullopt;
+  const auto position = by_request_.find({tenant, request_id});
+  if (position == by_request_.end()) return std::nullopt;
   return records_.at(position->second);
 }
 
@@ -86,42 +121,100 @@ std::vector<JobRecord> MemoryJobStore::List(const JobFilter& filter) const {
   while (position != by_number_.begin() && found.size() < limit) {
     --position;
     const JobRecord& record = records_.at(position->second);
-    if (HasState(record, filter.states)) found.push_back(record);
+    if (Matches(record, filter)) found.push_back(record);
   }
   return found;
 }
 
 absl::StatusOr<JobRecord> MemoryJobStore::Delete(const std::string& id) {
-  MutexLock lock(mutex_);
-  const auto position = records_.find(id);
-  if (position == records_.end()) return NotFound(id);
-  if (!IsTerminal(position->second.state)) {
+  MutexLock writing(writer_mutex_);
+  std::optional<JobRecord> record = Get(id);
+  if (!record) return NotFound(id);
+  if (!IsTerminal(record->state)) {
     return absl::FailedPreconditionError(
-        absl::StrCat("job ", id, " is ", JobStateName(position->second.state)));
+        absl::StrCat("job ", id, " is ", JobStateName(record->state)));
   }
-  return Remove(position);
+  if (journal_ != nullptr) ISOMATCH_RETURN_IF_ERROR(journal_->Remove({id}));
+  unwritten_.erase(id);
+  MutexLock lock(mutex_);
+  Remove(id);
+  return *std::move(record);
 }
 
-std::vector<JobRecord> MemoryJobStore::Prune(int max_jobs,
-                                             std::int64_t max_result_bytes) {
+std::vector<JobRecord> MemoryJobStore::Prune(const KeepLimits& limits) {
+  MutexLock writing(writer_mutex_);
   std::vector<JobRecord> removed;
+  {
+    MutexLock lock(mutex_);
+    removed = Excess(limits);
+  }
+  if (removed.empty()) return removed;
+  std::vector<std::string> ids;
+  for (const JobRecord& record : removed) ids.push_back(record.id);
+  if (journal_ != nullptr) {
+    const absl::Status status = journal_->Remove(ids);
+    if (!status.ok()) {
+      on_error_(status);
+      return {};
+    }
+  }
   MutexLock lock(mutex_);
-  while (terminal_.size() > 1 &&
-         (terminal_.size() > static_cast<size_t>(max_jobs) ||
-          result_bytes_ > max_result_bytes)) {
-    removed.push_back(Remove(records_.find(terminal_.begin()->second)));
+  for (const std::string& id : ids) {
+    unwritten_.erase(id);
+    Remove(id);
   }
   return removed;
 }
 
-JobRecord MemoryJobStore::Remove(Records::iterator position) {
-  JobRecord record = std::move(position->second);
-  records_.erase(position);
+std::vector<JobRecord> MemoryJobStore::Excess(const KeepLimits& limits) const {
+  std::vector<JobRecord> excess;
+  size_t left = terminal_.size();
+  std::int64_t left_bytes = result_bytes_;
+  for (const auto& [sequence, id] : terminal_) {
+    const JobRecord& record = records_.at(id);
+    const bool too_much =
+        left > 1 && (left > static_cast<size_t>(limits.max_jobs) ||
+                     left_bytes > limits.max_result_bytes);
+    if (!too_much && record.end_time >= limits.ended_before) break;
+    --left;
+    left_bytes -= ResultBytes(record);
+    excess.push_back(record);
+  }
+  return excess;
+}
+
+void MemoryJobStore::Add(const JobRecord& record) {
+  by_number_[record.number] = record.id;
+  if (!record.request_id.empty()) {
+    by_request_[{record.tenant, record.request_id}] = record.id;
+  }
+  if (IsTerminal(record.state)) {
+    terminal_[record.sequence] = record.id;
+    result_bytes_ += ResultBytes(record);
+  }
+  records_[record.id] = record;
+}
+
+void MemoryJobStore::Remove(const std::string& id) {
+  const auto position = records_.find(id);
+  const JobRecord& record = position->second;
   by_number_.erase(record.number);
   terminal_.erase(record.sequence);
-  if (!record.request_id.empty()) by_request_id_.erase(record.request_id);
+  by_request_.erase({record.tenant, record.request_id});
   result_bytes_ -= ResultBytes(record);
-  return record;
+  records_.erase(position);
+}
+
+absl::Status MemoryJobStore::WriteJournal(const JobRecord& record) {
+  if (journal_ == nullptr) return absl::OkStatus();
+  std::vector<JobRecord> records = {record};
+  for (const std::string& id : unwritten_) {
+    const auto other = Get(id);
+    if (other && id != record.id) records.push_back(*other);
+  }
+  ISOMATCH_RETURN_IF_ERROR(journal_->Write(records));
+  unwritten_.clear();
+  return absl::OkStatus();
 }
 
 }  // namespace isomatch

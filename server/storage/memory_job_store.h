@@ -1,36 +1,73 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include "core/base/mutex.h"
+#include "server/storage/job_journal.h"
 #include "server/storage/job_store.h"
 
 namespace isomatch {
 
-/// Records in memory: gone when the process ends. Thread-safe.
+/// Records in memory: gone when the process ends, unless there is a journal.
+/// Thread-safe; readers never wait for the journal.
 class MemoryJobStore : public JobStore {
  public:
+  using OnError = std::function<void(const absl::Status&)>;
+
+  MemoryJobStore() = default;
+
+  /// Begins with the `records` of an earlier process and keeps jobs and changes
+  /// of state in the journal before anybody sees them; progress alone is not
+  /// kept. When the journal fails, a new job is refused, and any other change
+  /// holds in memory, is told to `on_error` and written with the next one:
+  /// until then a crash makes the job run again.
+  MemoryJobStore(std::vector<JobRecord> records, JobJournal* journal,
+                 OnError on_error);
+
   absl::StatusOr<JobRecord> Insert(JobRecord record) override;
   absl::StatusOr<JobRecord> Update(JobRecord record) override;
   std::optional<JobRecord> Get(const std::string& id) const override;
   std::optional<JobRecord> FindByRequestId(
-      const std::string& request_id) const override;
+      const std::string& tenant, const std::string& request_id) const override;
   std::vector<JobRecord> List(const JobFilter& filter) const override;
   absl::StatusOr<JobRecord> Delete(const std::string& id) override;
-  std::vector<JobRecord> Prune(int max_jobs,
-                               std::int64_t max_result_bytes) override;
+  std::vector<JobRecord> Prune(const KeepLimits& limits) override;
 
  private:
   using Records = std::unordered_map<std::string, JobRecord>;
+  /// Tenant and request_id.
+  using RequestKey = std::pair<std::string, std::string>;
 
-  /// Removes the job from all tables and returns it.
-  JobRecord Remove(Records::iterator position)
+  /// Puts a new record into all tables.
+  void Add(const JobRecord& record) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+
+  /// Removes the job from all tables.
+  void Remove(const std::string& id) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+
+  /// Terminal jobs beyond the limits.
+  std::vector<JobRecord> Excess(const KeepLimits& limits) const
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+
+  /// Writes the record, and those that could not be written before.
+  absl::Status WriteJournal(const JobRecord& record)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(writer_mutex_);
+
+  JobJournal* const journal_ = nullptr;
+  const OnError on_error_;
+
+  /// Held by whoever changes something, also while the journal writes. Before
+  /// mutex_, which is only held for a moment.
+  Mutex writer_mutex_;
+  /// Jobs whose newest change is not in the journal.
+  std::set<std::string> unwritten_ ABSL_GUARDED_BY(writer_mutex_);
 
   mutable Mutex mutex_;
   std::uint64_t last_sequence_ ABSL_GUARDED_BY(mutex_) = 0;
@@ -40,8 +77,7 @@ class MemoryJobStore : public JobStore {
   std::map<std::uint64_t, std::string> by_number_ ABSL_GUARDED_BY(mutex_);
   /// Sequence of the terminal change -> id.
   std::map<std::uint64_t, std::string> terminal_ ABSL_GUARDED_BY(mutex_);
-  std::unordered_map<std::string, std::string> by_request_id_
-      ABSL_GUARDED_BY(mutex_);
+  std::map<RequestKey, std::string> by_request_ ABSL_GUARDED_BY(mutex_);
   /// Of all terminal jobs.
   std::int64_t result_bytes_ ABSL_GUARDED_BY(mutex_) = 0;
 };

@@ -12,9 +12,9 @@
 #include "client/map_file.h"
 #include "client/text_file.h"
 #include "tests/client/run_isomatch.h"
-#include "tests/client/temporary_folder.h"
 #include "tests/server/child_process.h"
 #include "tests/support/matchers.h"
+#include "tests/support/temporary_folder.h"
 
 namespace isomatch {
 namespace {

@@ -4,8 +4,8 @@
 #include <gtest/gtest.h>
 
 #include "client/text_file.h"
-#include "tests/client/temporary_folder.h"
 #include "tests/support/matchers.h"
+#include "tests/support/temporary_folder.h"
 
 namespace isomatch {
 namespace {

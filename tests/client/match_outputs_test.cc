@@ -18,10 +18,10 @@
 #include "client/mesh_file.h"
 #include "client/text_file.h"
 #include "tests/client/run_isomatch.h"
-#include "tests/client/temporary_folder.h"
 #include "tests/server/test_server.h"
 #include "tests/support/matchers.h"
 #include "tests/support/shapes.h"
+#include "tests/support/temporary_folder.h"
 
 namespace isomatch {
 namespace {

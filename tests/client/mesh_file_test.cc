@@ -9,9 +9,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "tests/client/temporary_folder.h"
 #include "tests/support/matchers.h"
 #include "tests/support/shapes.h"
+#include "tests/support/temporary_folder.h"
 
 namespace isomatch {
 namespace {

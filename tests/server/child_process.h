@@ -35,11 +35,11 @@ class ChildProcess {
   FILE* errors_ = nullptr;
 };
 
-/// isomatch-server on a free port, with these flags too; `address` is set once
-/// it listens.
+/// isomatch-server on a free port, with these flags too, --ephemeral unless
+/// they say otherwise; `address` is set once it listens.
 struct ServerProcess {
   explicit ServerProcess(const std::string& binary,
-                         std::vector<std::string> flags = {});
+                         std::vector<std::string> flags = {"--ephemeral"});
 
   ChildProcess process;
   std::string address;

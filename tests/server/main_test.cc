@@ -3,6 +3,7 @@
 #include <csignal>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include <gmock/gmock.h>
 #include <grpcpp/grpcpp.h>
@@ -13,6 +14,7 @@
 #include "tests/server/child_process.h"
 #include "tests/server/test_server.h"
 #include "tests/support/shapes.h"
+#include "tests/support/temporary_folder.h"
 
 namespace isomatch {
 namespace {
@@ -48,7 +50,8 @@ TEST(MainTest, ServesUntilSigtermAndExitsWithZero) {
 }
 
 TEST(MainTest, SigtermWaitsForAJobAsLongAsTheDrainTimeout) {
-  ServerProcess server(ISOMATCH_SERVER_BINARY, {"--drain-timeout", "1s"});
+  ServerProcess server(ISOMATCH_SERVER_BINARY,
+                       {"--ephemeral", "--drain-timeout", "1s"});
   const auto stub = Connect(server.address);
   const std::string name = StartLongJob(*stub);
   server.process.ReadUntil("RUNNING");
@@ -88,8 +91,47 @@ TEST(MainTest, SaysHowToSendAFirstJob) {
 
 TEST(MainTest, APortInUseEndsWithStatusOne) {
   const ServerProcess first(ISOMATCH_SERVER_BINARY);
-  ChildProcess second(ISOMATCH_SERVER_BINARY, {"--listen", first.address});
+  ChildProcess second(ISOMATCH_SERVER_BINARY,
+                      {"--ephemeral", "--listen", first.address});
   EXPECT_THAT(second.ReadUntil("cannot listen on "), HasSubstr(first.address));
+  EXPECT_EQ(second.ExitStatus(), 1);
+}
+
+TEST(MainTest, AcceptedJobsSurviveThatItIsKilled) {
+  const TemporaryFolder folder;
+  const std::vector<std::string> flags = {"--data-dir", folder.Path("data")};
+  std::vector<std::string> names;
+  {
+    ServerProcess server(ISOMATCH_SERVER_BINARY, flags);
+    const auto stub = Connect(server.address);
+    for (int i = 0; i < 2; ++i) names.push_back(StartLongJob(*stub));
+    server.process.ReadUntil("RUNNING");
+    server.process.Signal(SIGKILL);
+    EXPECT_EQ(server.process.ExitStatus(), -1);
+  }
+  ServerProcess server(ISOMATCH_SERVER_BINARY, flags);
+  const auto stub = Connect(server.address);
+  for (size_t i = 0; i < names.size(); ++i) {
+    grpc::ClientContext context;
+    v1::WatchJobRequest request;
+    request.set_name(names[i]);
+    const auto reader = stub->WatchJob(&context, request);
+    v1::WatchJobResponse last;
+    while (reader->Read(&last)) {
+    }
+    EXPECT_TRUE(reader->Finish().ok());
+    EXPECT_EQ(last.job().state(), v1::Job::STATE_SUCCEEDED);
+    EXPECT_EQ(last.job().attempt(), i == 0 ? 2 : 1);
+  }
+}
+
+TEST(MainTest, AFolderInUseEndsWithStatusOne) {
+  const TemporaryFolder folder;
+  const std::string data = folder.Path("data");
+  const ServerProcess first(ISOMATCH_SERVER_BINARY, {"--data-dir", data});
+  ChildProcess second(ISOMATCH_SERVER_BINARY,
+                      {"--data-dir", data, "--listen", "127.0.0.1:0"});
+  EXPECT_THAT(second.ReadUntil("isomatch-server: "), HasSubstr(data));
   EXPECT_EQ(second.ExitStatus(), 1);
 }
 

@@ -20,6 +20,12 @@ class ManualExecutor : public Executor {
   /// Runs the first posted task; false when there is none.
   bool RunNext();
 
+  /// Forgets all tasks and timers.
+  void Clear() {
+    tasks_.clear();
+    timers_.clear();
+  }
+
   /// Lets time pass: runs the timers that are due and still wanted.
   void Advance(absl::Duration duration);
 

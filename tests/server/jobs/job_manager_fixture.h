@@ -44,6 +44,9 @@ class JobManagerTest : public testing::Test {
     parts.timers = &timers_;
     parts.now = [] { return absl::UnixEpoch(); };
     parts.new_id = [this] { return absl::StrCat("job", ++last_id_); };
+    parts.load_spec = [](const JobRecord& record) {
+      return Needing(static_cast<int>(record.memory_estimate_bytes));
+    };
     parts.on_state = [this](const JobRecord& record) {
       history_.push_back(JobStateName(record.state));
     };
@@ -82,7 +85,8 @@ class JobManagerTest : public testing::Test {
 
   /// True when nothing is pinned: a blob of all the room evicts everything.
   bool AllRoomIsFree() {
-    return blobs_.Put("x", std::string(kBlobBytes, 'x'), Keep::kWhileRoom).ok();
+    return blobs_.Put({"", "x"}, std::string(kBlobBytes, 'x'), Keep::kWhileRoom)
+        .ok();
   }
 
   static JobSpec Needing(int bytes) {
@@ -92,23 +96,25 @@ class JobManagerTest : public testing::Test {
   }
 
   std::string Create(JobSpec spec = Needing(1)) {
-    const auto snapshot = manager_->Create(std::move(spec));
+    const auto snapshot = manager_->Create(caller_, std::move(spec));
     EXPECT_THAT(snapshot, IsOk());
     return snapshot.ok() ? snapshot->record.id : "";
   }
 
   std::string StateOf(const std::string& id) {
-    const auto snapshot = manager_->Get(id);
+    const auto snapshot = manager_->Get(caller_, id);
     return snapshot.ok() ? JobStateName(snapshot->record.state) : "GONE";
   }
 
   std::string FailureOf(const std::string& id) {
-    const auto snapshot = manager_->Get(id);
+    const auto snapshot = manager_->Get(caller_, id);
     return snapshot.ok() && snapshot->record.error
                ? snapshot->record.error->reason
                : "none";
   }
 
+  /// Everybody, while nothing is about tenants.
+  const Caller caller_;
   static constexpr std::int64_t kBudget = 1000;
   static constexpr size_t kBlobBytes = 1 << 20;
 

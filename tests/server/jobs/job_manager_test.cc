@@ -12,6 +12,7 @@
 #include <gtest/gtest.h>
 
 #include "server/jobs/thread_pool.h"
+#include "server/storage/sha256.h"
 #include "tests/server/jobs/job_manager_fixture.h"
 
 namespace isomatch {
@@ -24,7 +25,7 @@ TEST_F(JobManagerTest, AJobIsQueuedRunsAndSucceeds) {
   const std::string id = Create();
   EXPECT_EQ(StateOf(id), "QUEUED");
   during_match_ = [&](const std::stop_token&) {
-    const JobRecord record = manager_->Get(id)->record;
+    const JobRecord record = manager_->Get(caller_, id)->record;
     EXPECT_EQ(record.state, JobState::kRunning);
     EXPECT_EQ(record.progress.total_fraction, 0.25);
     EXPECT_EQ(budget_.reserved_bytes(), 1);
@@ -34,12 +35,14 @@ TEST_F(JobManagerTest, AJobIsQueuedRunsAndSucceeds) {
   EXPECT_EQ(StateOf(id), "SUCCEEDED");
   EXPECT_EQ(budget_.reserved_bytes(), 0);
   EXPECT_THAT(history_, ElementsAre("QUEUED", "RUNNING", "SUCCEEDED"));
-  const auto map = manager_->GetPart(id, ResultPart::kMap);
+  const auto map = manager_->GetPart(caller_, id, ResultPart::kMap);
   ASSERT_THAT(map, IsOk());
   EXPECT_EQ(*map->bytes, std::string("\1\0\0\0", 4));
-  EXPECT_EQ(manager_->Get(id)->record.progress.total_fraction, 1);
-  EXPECT_EQ(ReasonOf(manager_->GetPart(id, ResultPart::kConfidence).status()),
-            "RESULT_PART_MISSING");
+  EXPECT_EQ(manager_->Get(caller_, id)->record.progress.total_fraction, 1);
+  EXPECT_EQ(
+      ReasonOf(
+          manager_->GetPart(caller_, id, ResultPart::kConfidence).status()),
+      "RESULT_PART_MISSING");
 }
 
 TEST_F(JobManagerTest, OnlyAsManyJobsRunAsThereAreWorkers) {
@@ -47,39 +50,98 @@ TEST_F(JobManagerTest, OnlyAsManyJobsRunAsThereAreWorkers) {
   for (int i = 0; i < 4; ++i) Create();
   EXPECT_EQ(manager_->load().running_jobs, 2);
   EXPECT_EQ(manager_->load().queued_jobs, 2);
-  EXPECT_EQ(manager_->Get("job4")->queue_position, 1);
+  EXPECT_EQ(manager_->Get(caller_, "job4")->queue_position, 1);
   EXPECT_TRUE(workers_.RunNext());
   EXPECT_EQ(manager_->load().queued_jobs, 1);
-  EXPECT_EQ(manager_->Get("job4")->queue_position, 0);
+  EXPECT_EQ(manager_->Get(caller_, "job4")->queue_position, 0);
 }
 
 TEST_F(JobManagerTest, AFullQueueRefusesAndSaysWhenToTryAgain) {
   Restart({.max_queued_jobs = 2});
   for (int i = 0; i < 3; ++i) Create();  // one runs, two wait
-  const absl::Status refused = manager_->Create(Needing(1)).status();
+  const absl::Status refused = manager_->Create(caller_, Needing(1)).status();
   EXPECT_THAT(refused, StatusIs(absl::StatusCode::kResourceExhausted, _));
   EXPECT_EQ(ReasonOf(refused), "QUEUE_FULL");
   EXPECT_TRUE(DetailsOf(refused).retry_after);
   EXPECT_TRUE(workers_.RunNext());
-  EXPECT_THAT(manager_->Create(Needing(1)), IsOk());
+  EXPECT_THAT(manager_->Create(caller_, Needing(1)), IsOk());
 }
 
-TEST_F(JobManagerTest, TheMeshesOfWaitingJobsAreBounded) {
-  const auto heavy = [] {
-    JobSpec spec;
-    spec.mesh_x.positions.resize(6, 3);  // 144 of the 250 bytes for waiting
-    return spec;
-  };
-  Create(heavy());  // runs
-  Create(heavy());
-  EXPECT_EQ(ReasonOf(manager_->Create(heavy()).status()), "QUEUE_FULL");
-  EXPECT_THAT(manager_->Create(Needing(1)), IsOk());
+TEST_F(JobManagerTest, OneTenantCannotFillTheQueue) {
+  Restart({.max_queued_jobs = 10, .max_queued_jobs_per_tenant = 1});
+  for (int i = 0; i < 2; ++i) Create();  // one runs, one waits
+  const absl::Status refused = manager_->Create(caller_, Needing(1)).status();
+  EXPECT_THAT(refused, StatusIs(absl::StatusCode::kResourceExhausted, _));
+  EXPECT_EQ(ReasonOf(refused), "TENANT_QUOTA");
+  EXPECT_TRUE(DetailsOf(refused).retry_after);
+  EXPECT_THAT(manager_->Create({.tenant = "other"}, Needing(1)), IsOk());
+}
+
+TEST_F(JobManagerTest, APlaceIsThereForARequestThatMadeAJobBefore) {
+  Restart({.max_queued_jobs = 1});
+  JobSpec spec = Needing(1);
+  spec.request_id = "r";
+  Create(spec);
+  Create();
+  EXPECT_EQ(ReasonOf(manager_->CheckPlace(caller_, "")), "QUEUE_FULL");
+  EXPECT_EQ(ReasonOf(manager_->CheckPlace(caller_, "s")), "QUEUE_FULL");
+  EXPECT_THAT(manager_->CheckPlace(caller_, "r"), IsOk());
+  EXPECT_EQ(ReasonOf(manager_->CheckPlace({.tenant = "other"}, "r")),
+            "QUEUE_FULL");
+}
+
+TEST_F(JobManagerTest, OthersDoNotSeeATenantsJobs) {
+  const Caller mine = {"mine", Role::kSubmit};
+  const Caller other = {"other", Role::kSubmit};
+  JobSpec spec = Needing(1);
+  spec.request_id = "r";
+  const std::string id = manager_->Create(mine, spec)->record.id;
+  EXPECT_EQ(ReasonOf(manager_->Get(other, id).status()), "JOB_NOT_FOUND");
+  EXPECT_EQ(ReasonOf(manager_->Cancel(other, id).status()), "JOB_NOT_FOUND");
+  EXPECT_THAT(manager_->List(other, {}), testing::IsEmpty());
+  EXPECT_THAT(manager_->List(mine, {}), testing::SizeIs(1));
+  EXPECT_THAT(manager_->List(caller_, {}), testing::SizeIs(1));  // an admin
+  EXPECT_NE(manager_->Create(other, spec)->record.id, id);  // its own request r
+  while (workers_.RunNext()) {
+  }
+  EXPECT_EQ(ReasonOf(manager_->GetPart(other, id, ResultPart::kMap).status()),
+            "JOB_NOT_FOUND");
+  EXPECT_EQ(ReasonOf(manager_->Delete(other, id)), "JOB_NOT_FOUND");
+  EXPECT_THAT(manager_->GetPart(mine, id, ResultPart::kMap), IsOk());
+  EXPECT_THAT(manager_->Delete(caller_, id), IsOk());
+}
+
+TEST_F(JobManagerTest, InputsArePinnedUntilTheJobIsTerminal) {
+  const std::string bytes(kBlobBytes / 2, 'i');
+  JobSpec spec = Needing(1);
+  spec.inputs = {{Sha256Hex(bytes), bytes}};
+  const std::string id = Create(spec);
+  EXPECT_FALSE(AllRoomIsFree());
+  EXPECT_TRUE(workers_.RunNext());
+  EXPECT_EQ(StateOf(id), "SUCCEEDED");
+  ASSERT_THAT(manager_->Delete(caller_, id), IsOk());
+  EXPECT_TRUE(AllRoomIsFree());
+}
+
+TEST_F(JobManagerTest, InputsThatCannotBeKeptRefuseTheJob) {
+  JobSpec spec = Needing(1);
+  const std::string small = "small";
+  const std::string large(kBlobBytes + 1, 'i');
+  spec.inputs = {{Sha256Hex(small), small}, {Sha256Hex(large), large}};
+  EXPECT_EQ(ReasonOf(manager_->Create(caller_, spec).status()),
+            "STORAGE_FAILED");
+  EXPECT_TRUE(AllRoomIsFree());
+  spec.inputs = {{Sha256Hex(small), small}, {Sha256Hex(large), std::nullopt}};
+  EXPECT_EQ(ReasonOf(manager_->Create(caller_, spec).status()), "MESH_MISSING");
+  EXPECT_TRUE(AllRoomIsFree());
+  EXPECT_EQ(manager_->load().queued_jobs, 0);
+  EXPECT_THAT(manager_->List(caller_, {}), testing::IsEmpty());
 }
 
 TEST_F(JobManagerTest, WhatNeverFitsIsRefusedAtOnce) {
-  EXPECT_EQ(ReasonOf(manager_->Create(Needing(kBudget + 1)).status()),
+  EXPECT_EQ(ReasonOf(manager_->Create(caller_, Needing(kBudget + 1)).status()),
             "JOB_NEEDS_MORE_MEMORY_THAN_BUDGET");
-  EXPECT_THAT(manager_->Create(Needing(kBudget)), IsOk());
+  EXPECT_THAT(manager_->Create(caller_, Needing(kBudget)), IsOk());
 }
 
 TEST_F(JobManagerTest, ASmallJobPassesOneThatWaitsForMemory) {
@@ -100,7 +162,8 @@ TEST_F(JobManagerTest, ASmallJobPassesOneThatWaitsForMemory) {
 TEST_F(JobManagerTest, ACancelledQueuedJobNeverRuns) {
   const std::string running = Create();
   const std::string queued = Create();
-  EXPECT_EQ(manager_->Cancel(queued)->record.state, JobState::kCancelled);
+  EXPECT_EQ(manager_->Cancel(caller_, queued)->record.state,
+            JobState::kCancelled);
   EXPECT_EQ(manager_->load().queued_jobs, 0);
   while (workers_.RunNext()) {
   }
@@ -115,7 +178,7 @@ TEST_F(JobManagerTest, ACancelledJobThatHoldsUpTheQueueFreesIt) {
   const std::string blocking = Create(Needing(600));
   Create(Needing(300));
   EXPECT_EQ(manager_->load().running_jobs, 1);
-  ASSERT_THAT(manager_->Cancel(blocking), IsOk());
+  ASSERT_THAT(manager_->Cancel(caller_, blocking), IsOk());
   EXPECT_EQ(manager_->load().running_jobs, 2);
 }
 
@@ -123,7 +186,7 @@ TEST_F(JobManagerTest, ACancelledRunningJobIsAskedToStop) {
   const std::string id = Create();
   during_match_ = [&](const std::stop_token& stop) -> absl::Status {
     EXPECT_FALSE(stop.stop_requested());
-    EXPECT_THAT(manager_->Cancel(id), IsOk());
+    EXPECT_THAT(manager_->Cancel(caller_, id), IsOk());
     EXPECT_TRUE(stop.stop_requested());
     EXPECT_EQ(budget_.reserved_bytes(), 1);  // it still runs
     return absl::CancelledError("cancelled");
@@ -137,11 +200,11 @@ TEST_F(JobManagerTest, ACancelledRunningJobIsAskedToStop) {
 TEST_F(JobManagerTest, AResultThatComesAfterTheCancelIsDropped) {
   const std::string id = Create();
   during_match_ = [&](const std::stop_token&) {
-    return manager_->Cancel(id).status();
+    return manager_->Cancel(caller_, id).status();
   };
   EXPECT_TRUE(workers_.RunNext());
   EXPECT_EQ(StateOf(id), "CANCELLED");
-  EXPECT_EQ(ReasonOf(manager_->GetPart(id, ResultPart::kMap).status()),
+  EXPECT_EQ(ReasonOf(manager_->GetPart(caller_, id, ResultPart::kMap).status()),
             "JOB_NOT_SUCCEEDED");
   EXPECT_EQ(manager_->load().running_jobs, 0);
 }
@@ -149,9 +212,10 @@ TEST_F(JobManagerTest, AResultThatComesAfterTheCancelIsDropped) {
 TEST_F(JobManagerTest, ATerminalJobStaysAsItIs) {
   const std::string id = Create();
   EXPECT_TRUE(workers_.RunNext());
-  EXPECT_EQ(ReasonOf(manager_->Cancel(id).status()), "JOB_TERMINAL");
+  EXPECT_EQ(ReasonOf(manager_->Cancel(caller_, id).status()), "JOB_TERMINAL");
   EXPECT_EQ(StateOf(id), "SUCCEEDED");
-  EXPECT_EQ(ReasonOf(manager_->Cancel("nobody").status()), "JOB_NOT_FOUND");
+  EXPECT_EQ(ReasonOf(manager_->Cancel(caller_, "nobody").status()),
+            "JOB_NOT_FOUND");
 }
 
 TEST_F(JobManagerTest, AFailedAllocationFailsThatJobOnly) {
@@ -237,26 +301,27 @@ TEST_F(JobManagerTest, TheSameRequestAgainIsTheSameJob) {
   EXPECT_EQ(Create(spec), id);
   EXPECT_FALSE(workers_.RunNext());
   spec.request_sha256 = "2";
-  EXPECT_EQ(ReasonOf(manager_->Create(spec).status()), "REQUEST_ID_REUSED");
+  EXPECT_EQ(ReasonOf(manager_->Create(caller_, spec).status()),
+            "REQUEST_ID_REUSED");
 }
 
 TEST_F(JobManagerTest, ValidateOnlyKeepsNothing) {
   JobSpec spec = Needing(7);
   spec.validate_only = true;
-  const auto snapshot = manager_->Create(std::move(spec));
+  const auto snapshot = manager_->Create(caller_, std::move(spec));
   ASSERT_THAT(snapshot, IsOk());
   EXPECT_EQ(snapshot->record.id, "");
   EXPECT_EQ(snapshot->record.memory_estimate_bytes, 7);
-  EXPECT_TRUE(manager_->List({}).empty());
+  EXPECT_TRUE(manager_->List(caller_, {}).empty());
   EXPECT_FALSE(workers_.RunNext());
 }
 
 TEST_F(JobManagerTest, OnlyTerminalJobsAreDeleted) {
   const std::string id = Create();
-  EXPECT_EQ(ReasonOf(manager_->Delete(id)), "JOB_NOT_TERMINAL");
+  EXPECT_EQ(ReasonOf(manager_->Delete(caller_, id)), "JOB_NOT_TERMINAL");
   EXPECT_TRUE(workers_.RunNext());
-  EXPECT_THAT(manager_->Delete(id), IsOk());
-  EXPECT_EQ(ReasonOf(manager_->Delete(id)), "JOB_NOT_FOUND");
+  EXPECT_THAT(manager_->Delete(caller_, id), IsOk());
+  EXPECT_EQ(ReasonOf(manager_->Delete(caller_, id)), "JOB_NOT_FOUND");
 }
 
 TEST_F(JobManagerTest, DrainingCancelsTheQueueAndTakesNoMore) {
@@ -264,7 +329,8 @@ TEST_F(JobManagerTest, DrainingCancelsTheQueueAndTakesNoMore) {
   const std::string queued = Create();
   manager_->BeginDrain();
   EXPECT_EQ(StateOf(queued), "CANCELLED");
-  EXPECT_EQ(ReasonOf(manager_->Create(Needing(1)).status()), "DRAINING");
+  EXPECT_EQ(ReasonOf(manager_->Create(caller_, Needing(1)).status()),
+            "DRAINING");
   EXPECT_TRUE(workers_.RunNext());
   EXPECT_EQ(StateOf(running), "SUCCEEDED");
 }
@@ -299,7 +365,7 @@ TEST_F(JobManagerTest, WatchersAreToldOfEveryChangeUntilTheyAreRemoved) {
   EXPECT_TRUE(workers_.RunNext());
   EXPECT_EQ(watcher->calls, 3);  // running, progress, succeeded
   manager_->watchers().Remove(id, watcher.get());
-  ASSERT_THAT(manager_->Delete(id), IsOk());
+  ASSERT_THAT(manager_->Delete(caller_, id), IsOk());
   EXPECT_EQ(watcher->calls, 3);
 }
 
@@ -335,9 +401,9 @@ TEST_F(JobManagerTest, JobsCancelledAndTimedOutByManyThreadsAllEnd) {
         JobSpec spec = Needing(1 + (i * 131) % kBudget);
         if (i % 3 == 0) spec.run_timeout = absl::Microseconds(50);
         if (i % 5 == 0) spec.queue_timeout = absl::Microseconds(50);
-        const auto made = manager.Create(std::move(spec));
+        const auto made = manager.Create(caller_, std::move(spec));
         if (made.ok() && (i + c) % 2 == 0) {
-          (void)manager.Cancel(made->record.id);
+          (void)manager.Cancel(caller_, made->record.id);
         }
       }
     });
@@ -346,7 +412,7 @@ TEST_F(JobManagerTest, JobsCancelledAndTimedOutByManyThreadsAllEnd) {
   manager.Shutdown(absl::Seconds(20));
   EXPECT_EQ(budget_.reserved_bytes(), 0);
   EXPECT_EQ(manager.load().queued_jobs, 0);
-  for (const JobSnapshot& job : manager.List({{}, 0, 1000})) {
+  for (const JobSnapshot& job : manager.List(caller_, {.limit = 1000})) {
     EXPECT_TRUE(IsTerminal(job.record.state)) << job.record.id;
   }
 }

@@ -17,16 +17,16 @@ TEST_F(JobPartsTest, EveryPartIsStoredAndLetGoWithTheJob) {
   found_ = AllParts();
   const std::string id = Create();
   EXPECT_TRUE(workers_.RunNext());
-  const JobRecord record = manager_->Get(id)->record;
+  const JobRecord record = manager_->Get(caller_, id)->record;
   ASSERT_TRUE(record.result);
   ASSERT_EQ(record.result->parts.size(), 5);
   for (const StoredPart& part : record.result->parts) {
-    const auto found = manager_->GetPart(id, part.part);
+    const auto found = manager_->GetPart(caller_, id, part.part);
     ASSERT_THAT(found, IsOk()) << ResultPartName(part.part);
     EXPECT_EQ(Sha256Hex(*found->bytes), part.sha256);
   }
   EXPECT_FALSE(AllRoomIsFree());
-  ASSERT_THAT(manager_->Delete(id), IsOk());
+  ASSERT_THAT(manager_->Delete(caller_, id), IsOk());
   EXPECT_TRUE(AllRoomIsFree());
 }
 
@@ -36,10 +36,11 @@ TEST_F(JobPartsTest, EqualPartsOfTwoJobsAreLetGoWithTheLast) {
   const std::string second = Create();
   EXPECT_TRUE(workers_.RunNext());
   EXPECT_TRUE(workers_.RunNext());
-  ASSERT_THAT(manager_->Delete(first), IsOk());
+  ASSERT_THAT(manager_->Delete(caller_, first), IsOk());
   EXPECT_FALSE(AllRoomIsFree());
-  EXPECT_THAT(manager_->GetPart(second, ResultPart::kConfidence), IsOk());
-  ASSERT_THAT(manager_->Delete(second), IsOk());
+  EXPECT_THAT(manager_->GetPart(caller_, second, ResultPart::kConfidence),
+              IsOk());
+  ASSERT_THAT(manager_->Delete(caller_, second), IsOk());
   EXPECT_TRUE(AllRoomIsFree());
 }
 
@@ -47,7 +48,7 @@ TEST_F(JobPartsTest, PartsThatComeAfterTheCancelAreLetGo) {
   found_ = AllParts();
   const std::string id = Create();
   during_match_ = [&](const std::stop_token&) {
-    return manager_->Cancel(id).status();
+    return manager_->Cancel(caller_, id).status();
   };
   EXPECT_TRUE(workers_.RunNext());
   EXPECT_TRUE(AllRoomIsFree());
@@ -59,7 +60,7 @@ TEST_F(JobPartsTest, APartWithoutRoomFailsTheJobAndLetsGoOfTheOthers) {
   const std::string id = Create();
   EXPECT_TRUE(workers_.RunNext());
   EXPECT_EQ(StateOf(id), "FAILED");
-  EXPECT_EQ(FailureOf(id), "OUT_OF_MEMORY");
+  EXPECT_EQ(FailureOf(id), "STORAGE_FAILED");
   EXPECT_TRUE(AllRoomIsFree());
 }
 
@@ -69,12 +70,12 @@ TEST_F(JobPartsTest, OnlySoManyTerminalJobsAreKeptWithTheirResults) {
     Create();
     EXPECT_TRUE(workers_.RunNext());
   }
-  EXPECT_EQ(manager_->List({}).size(), 2);
+  EXPECT_EQ(manager_->List(caller_, {}).size(), 2);
   EXPECT_EQ(StateOf("job3"), "GONE");
   EXPECT_EQ(StateOf("job4"), "SUCCEEDED");
   // The results that are gone may be evicted: a blob of all their room fits.
   EXPECT_THAT(
-      blobs_.Put("x", std::string((1 << 20) - 8, 'x'), Keep::kWhileRoom),
+      blobs_.Put({"", "x"}, std::string((1 << 20) - 8, 'x'), Keep::kWhileRoom),
       IsOk());
 }
 

@@ -32,7 +32,7 @@ class JobRunnerTest : public testing::Test {
 
   absl::StatusOr<RunOutcome> Run(decltype(MatchEngine::match) match) {
     return Runner(std::move(match))
-        .Run(JobSpec(),
+        .Run([] { return JobSpec(); },
              [this](const auto& progress) {
                reports_.push_back(progress.stage_fraction);
              },

@@ -1,11 +1,13 @@
 #include "server/storage/memory_job_store.h"
 
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "tests/server/storage/fake_journal.h"
 #include "tests/support/matchers.h"
 
 namespace isomatch {
@@ -66,7 +68,7 @@ TEST(MemoryJobStoreTest, IdsAndRequestIdsAreUnique) {
               StatusIs(absl::StatusCode::kAlreadyExists, _));
   EXPECT_THAT(store.Insert(NewJob("c")), IsOk());
   EXPECT_THAT(store.Insert(NewJob("d")), IsOk());  // no request_id, twice
-  EXPECT_EQ(store.FindByRequestId("r")->id, "a");
+  EXPECT_EQ(store.FindByRequestId("", "r")->id, "a");
 }
 
 TEST(MemoryJobStoreTest, ListsNewestFirstByStateAndInPages) {
@@ -76,12 +78,13 @@ TEST(MemoryJobStoreTest, ListsNewestFirstByStateAndInPages) {
   }
   Succeed(store, "b", 0);
   EXPECT_THAT(Ids(store.List({})), ElementsAre("d", "c", "b", "a"));
-  EXPECT_THAT(Ids(store.List({{JobState::kSucceeded}, 0, 10})),
+  EXPECT_THAT(Ids(store.List({.states = {JobState::kSucceeded}})),
               ElementsAre("b"));
-  const auto page = store.List({{}, 0, 2});
+  const auto page = store.List({.limit = 2});
   EXPECT_THAT(Ids(page), ElementsAre("d", "c"));
-  EXPECT_THAT(Ids(store.List({{}, page.back().number, 2})),
-              ElementsAre("b", "a"));
+  EXPECT_THAT(
+      Ids(store.List({.before_number = page.back().number, .limit = 2})),
+      ElementsAre("b", "a"));
 }
 
 TEST(MemoryJobStoreTest, OnlyTerminalJobsAreDeleted) {
@@ -92,7 +95,7 @@ TEST(MemoryJobStoreTest, OnlyTerminalJobsAreDeleted) {
   Succeed(store, "a", 1);
   EXPECT_THAT(store.Delete("a"), IsOk());
   EXPECT_THAT(store.Delete("a"), StatusIs(absl::StatusCode::kNotFound, _));
-  EXPECT_FALSE(store.FindByRequestId("r"));
+  EXPECT_FALSE(store.FindByRequestId("", "r"));
   EXPECT_THAT(store.List({}), IsEmpty());
 }
 
@@ -104,10 +107,14 @@ TEST(MemoryJobStoreTest, PruneRemovesTheFirstThatEndedAndNoOthers) {
   Succeed(store, "c", 10);
   Succeed(store, "a", 10);
   Succeed(store, "b", 10);
-  EXPECT_THAT(Ids(store.Prune(3, 30)), IsEmpty());
-  EXPECT_THAT(Ids(store.Prune(2, 30)), ElementsAre("c"));
-  EXPECT_THAT(Ids(store.Prune(2, 10)), ElementsAre("a"));
-  EXPECT_THAT(Ids(store.Prune(2, 10)), IsEmpty());
+  EXPECT_THAT(Ids(store.Prune({.max_jobs = 3, .max_result_bytes = 30})),
+              IsEmpty());
+  EXPECT_THAT(Ids(store.Prune({.max_jobs = 2, .max_result_bytes = 30})),
+              ElementsAre("c"));
+  EXPECT_THAT(Ids(store.Prune({.max_jobs = 2, .max_result_bytes = 10})),
+              ElementsAre("a"));
+  EXPECT_THAT(Ids(store.Prune({.max_jobs = 2, .max_result_bytes = 10})),
+              IsEmpty());
   EXPECT_THAT(Ids(store.List({})), ElementsAre("d", "b"));
 }
 
@@ -117,8 +124,58 @@ TEST(MemoryJobStoreTest, TheLastToEndIsKeptHoweverLargeItsResult) {
     ASSERT_THAT(store.Insert(NewJob(id)), IsOk());
     Succeed(store, id, 1000);
   }
-  EXPECT_THAT(Ids(store.Prune(2, 10)), ElementsAre("a"));
+  EXPECT_THAT(Ids(store.Prune({.max_jobs = 2, .max_result_bytes = 10})),
+              ElementsAre("a"));
   EXPECT_THAT(Ids(store.List({})), ElementsAre("b"));
+}
+
+TEST(MemoryJobStoreTest, PruneRemovesAllThatEndedTooLongAgo) {
+  MemoryJobStore store;
+  for (const char* id : {"a", "b", "c"}) {
+    ASSERT_THAT(store.Insert(NewJob(id)), IsOk());
+  }
+  const absl::Time now = absl::UnixEpoch();
+  for (const auto& [id, end] :
+       {std::pair("a", now), std::pair("b", now + absl::Seconds(5))}) {
+    JobRecord record = *store.Get(id);
+    record.state = JobState::kFailed;
+    record.end_time = end;
+    ASSERT_THAT(store.Update(record), IsOk());
+  }
+  EXPECT_THAT(Ids(store.Prune({.ended_before = now})), IsEmpty());
+  EXPECT_THAT(Ids(store.Prune({.ended_before = now + absl::Seconds(1)})),
+              ElementsAre("a"));
+  EXPECT_THAT(Ids(store.Prune({.ended_before = now + absl::Hours(1)})),
+              ElementsAre("b"));
+  EXPECT_THAT(Ids(store.List({})), ElementsAre("c"));
+}
+
+TEST(MemoryJobStoreTest, TenantsHaveTheirOwnRequestsAndLists) {
+  MemoryJobStore store;
+  JobRecord a = NewJob("a", "r");
+  a.tenant = "one";
+  JobRecord b = NewJob("b", "r");
+  b.tenant = "two";
+  ASSERT_THAT(store.Insert(a), IsOk());
+  ASSERT_THAT(store.Insert(b), IsOk());
+  EXPECT_EQ(store.FindByRequestId("one", "r")->id, "a");
+  EXPECT_EQ(store.FindByRequestId("two", "r")->id, "b");
+  EXPECT_THAT(Ids(store.List({.tenant = "two"})), ElementsAre("b"));
+  EXPECT_THAT(Ids(store.List({})), ElementsAre("b", "a"));
+}
+
+TEST(MemoryJobStoreTest, OnlyChangesOfStateAreWrittenToTheJournal) {
+  FakeJournal journal;
+  MemoryJobStore store({}, &journal, [](const absl::Status&) {});
+  JobRecord record = *store.Insert(NewJob("a"));
+  EXPECT_EQ(journal.writes, 1);
+  record.progress.total_fraction = 0.5;
+  record = *store.Update(record);
+  EXPECT_EQ(journal.writes, 1);
+  record.state = JobState::kRunning;
+  ASSERT_THAT(store.Update(record), IsOk());
+  EXPECT_EQ(journal.writes, 2);
+  EXPECT_EQ(journal.kept.at("a").progress.total_fraction, 0.5);
 }
 
 }  // namespace

@@ -1,0 +1,68 @@
+#include "server/convert/stored_request.h"
+
+#include <cstdint>
+#include <utility>
+
+#include <google/protobuf/io/coded_stream.h>
+#include <google/protobuf/io/zero_copy_stream_impl_lite.h>
+
+#include "server/jobs/errors.h"
+#include "server/storage/sha256.h"
+
+namespace isomatch {
+namespace {
+
+/// The same bytes for equal requests.
+std::string Serialize(const v1::CreateJobRequest& request) {
+  std::string bytes;
+  {
+    google::protobuf::io::StringOutputStream stream(&bytes);
+    google::protobuf::io::CodedOutputStream coded(&stream);
+    coded.SetSerializationDeterministic(true);
+    request.SerializeToCodedStream(&coded);
+  }
+  return bytes;
+}
+
+/// Takes the mesh's bytes, if it has them, and leaves their digest.
+JobInput TakeMesh(v1::Mesh& mesh) {
+  if (!mesh.has_draco()) return {mesh.digest().sha256(), std::nullopt};
+  std::string bytes = std::move(*mesh.mutable_draco());
+  v1::Digest& digest = *mesh.mutable_digest();
+  digest.set_sha256(Sha256Hex(bytes));
+  digest.set_size_bytes(bytes.size());
+  return {digest.sha256(), std::move(bytes)};
+}
+
+}  // namespace
+
+std::string RequestSha256(const v1::CreateJobRequest& request) {
+  return Sha256Hex(Serialize(request));
+}
+
+std::vector<JobInput> MakeJobInputs(v1::CreateJobRequest request) {
+  JobInput mesh_x = TakeMesh(*request.mutable_mesh_x());
+  JobInput mesh_y = TakeMesh(*request.mutable_mesh_y());
+  std::string bytes = Serialize(request);
+  std::string sha256 = Sha256Hex(bytes);
+  std::vector<JobInput> inputs;
+  inputs.push_back({std::move(sha256), std::move(bytes)});
+  inputs.push_back(std::move(mesh_x));
+  inputs.push_back(std::move(mesh_y));
+  return inputs;
+}
+
+absl::StatusOr<JobSpec> LoadJobSpec(const JobRecord& record,
+                                    const ParseContext& context) {
+  v1::CreateJobRequest request;
+  const BlobStore::Blob bytes =
+      record.inputs.empty()
+          ? nullptr
+          : context.blobs->Get({record.tenant, record.inputs.front()});
+  if (bytes == nullptr || !request.ParseFromString(*bytes)) {
+    return ContentLost(record.id, "request");
+  }
+  return ParseCreateJob(request, context, record.tenant);
+}
+
+}  // namespace isomatch

@@ -1,0 +1,257 @@
+// The part of JobManager that runs jobs and ends them.
+
+#include <algorithm>
+#include <chrono>
+#include <utility>
+
+#include "core/base/status_macros.h"
+#include "server/jobs/errors.h"
+#include "server/jobs/job_manager.h"
+#include "server/storage/sha256.h"
+
+namespace isomatch {
+namespace {
+
+absl::Status NoEdit(JobRecord&) { return absl::OkStatus(); }
+
+JobError ErrorOf(const absl::Status& status) {
+  return {status.code(), DetailsOf(status).reason,
+          std::string(status.message())};
+}
+
+}  // namespace
+
+// Running it.
+
+void JobManager::Dispatch() {
+  while (std::shared_ptr<LiveJob> live = TakeNext()) {
+    parts_.workers->Post(
+        [this, live = std::move(live)]() mutable { Run(std::move(live)); });
+  }
+}
+
+std::shared_ptr<LiveJob> JobManager::TakeNext() {
+  MutexLock lock(mutex_);
+  if (running_ >= limits_.workers) return nullptr;
+  std::shared_ptr<LiveJob> live = queue_.PopFitting(*parts_.budget);
+  if (live != nullptr) ++running_;
+  return live;
+}
+
+void JobManager::Run(std::shared_ptr<LiveJob> live) {
+  const auto record = Start(*live);
+  if (record.ok()) Finish(*record, Execute(*live, *record));
+  ReleaseSlot(std::move(live));
+  Dispatch();
+}
+
+absl::StatusOr<JobRecord> JobManager::Start(LiveJob& live) {
+  live.timer.reset();
+  ISOMATCH_RETURN_IF_ERROR(
+      Move(live.id, JobState::kRunning, [&](JobRecord& record) {
+        record.start_time = parts_.now();
+        ++record.attempt;
+        return absl::OkStatus();
+      }));
+  std::optional<JobRecord> record = parts_.jobs->Get(live.id);
+  if (!record) return JobNotFound(live.id);
+  if (const auto limit = record->run_timeout) {
+    live.timer = parts_.timers->PostAfter(*limit, [this, id = live.id, limit] {
+      FailIfStill(JobState::kRunning, id, RunTimeout(*limit));
+    });
+  }
+  return *std::move(record);
+}
+
+absl::StatusOr<RunOutcome> JobManager::Execute(const LiveJob& live,
+                                               const JobRecord& record) {
+  return parts_.runner->Run(
+      [&] { return parts_.load_spec(record); },
+      [&](const JobProgress& progress) { ReportProgress(live.id, progress); },
+      live.stop.get_token());
+}
+
+void JobManager::ReportProgress(const std::string& id,
+                                const JobProgress& progress) {
+  (void)Change(id, [&](JobRecord& record) {
+    if (record.state != JobState::kRunning) {
+      return JobIsTerminal(id, record.state);
+    }
+    record.progress = progress;
+    return absl::OkStatus();
+  });
+}
+
+void JobManager::Finish(const JobRecord& record,
+                        absl::StatusOr<RunOutcome> outcome) {
+  absl::Status status = outcome.status();
+  if (status.ok()) status = Succeed(record, *std::move(outcome));
+  // Refused when it went back to the queue, was cancelled or timed out before.
+  if (!status.ok()) Fail(record, status);
+}
+
+absl::Status JobManager::Succeed(const JobRecord& record, RunOutcome outcome) {
+  JobResult& result = outcome.result;
+  ISOMATCH_RETURN_IF_ERROR(
+      StoreParts(record.tenant, std::move(outcome.parts), result));
+  const absl::Status moved =
+      Move(record.id, JobState::kSucceeded, [&](JobRecord& done) {
+        done.result = result;
+        done.progress.stage_fraction = 1;
+        done.progress.total_fraction = 1;
+        return absl::OkStatus();
+      });
+  if (!moved.ok()) UnpinParts(record.tenant, result);
+  return moved;
+}
+
+absl::Status JobManager::StoreParts(const std::string& tenant,
+                                    std::vector<EncodedPart> parts,
+                                    JobResult& result) {
+  for (EncodedPart& part : parts) {
+    StoredPart stored{part.part, Sha256Hex(part.bytes),
+                      static_cast<std::int64_t>(part.bytes.size())};
+    const absl::Status put = parts_.blobs->Put(
+        {tenant, stored.sha256}, std::move(part.bytes), Keep::kPinned);
+    if (!put.ok()) {
+      UnpinParts(tenant, result);
+      return StorageFailed(put);
+    }
+    result.parts.push_back(std::move(stored));
+  }
+  return absl::OkStatus();
+}
+
+void JobManager::Fail(const JobRecord& record, const absl::Status& error) {
+  const bool is_cancelled = absl::IsCancelled(error);
+  (void)Move(record.id, is_cancelled ? JobState::kCancelled : JobState::kFailed,
+             [&](JobRecord& now) {
+               if (now.state != record.state) {
+                 return absl::FailedPreconditionError("too late");
+               }
+               if (!is_cancelled) now.error = ErrorOf(error);
+               return absl::OkStatus();
+             });
+}
+
+void JobManager::ReleaseSlot(std::shared_ptr<LiveJob> live) {
+  live->Release();  // before the slot, so that the next job finds the memory
+  MutexLock lock(mutex_);
+  live_.erase(live->id);
+  queue_.OnEnded(live->tenant);
+  --running_;
+  idle_.NotifyAll();
+}
+
+// Ending it early.
+
+absl::StatusOr<JobSnapshot> JobManager::Cancel(const Caller& caller,
+                                               const std::string& id) {
+  ISOMATCH_RETURN_IF_ERROR(Find(caller, id).status());
+  ISOMATCH_RETURN_IF_ERROR(Stop(id, JobState::kCancelled, NoEdit));
+  return Get(caller, id);
+}
+
+absl::Status JobManager::Delete(const Caller& caller, const std::string& id) {
+  ISOMATCH_ASSIGN_OR_RETURN(const JobRecord record, Find(caller, id));
+  auto removed = parts_.jobs->Delete(id);
+  if (absl::IsNotFound(removed.status())) return JobNotFound(id);
+  if (absl::IsFailedPrecondition(removed.status())) {
+    return JobIsNotTerminal(id, record.state);
+  }
+  if (!removed.ok()) return StorageFailed(removed.status());
+  Forget({*std::move(removed)});
+  watchers_.Notify(id);
+  return absl::OkStatus();
+}
+
+absl::Status JobManager::Stop(const std::string& id, JobState to,
+                              const Edit& edit) {
+  ISOMATCH_RETURN_IF_ERROR(Move(id, to, edit));
+  std::shared_ptr<LiveJob> live;
+  std::shared_ptr<LiveJob> queued;
+  {
+    MutexLock lock(mutex_);
+    const auto found = live_.find(id);
+    if (found == live_.end()) return absl::OkStatus();
+    live = found->second;
+    queued = queue_.Remove(id);
+    if (queued != nullptr) live_.erase(found);
+  }
+  live->stop.request_stop();
+  if (queued != nullptr) {
+    queued->Release();
+    Dispatch();  // it may have stood in the way of others
+  }
+  return absl::OkStatus();
+}
+
+void JobManager::FailIfStill(JobState state, const std::string& id,
+                             const absl::Status& error) {
+  (void)Stop(id, JobState::kFailed, [&](JobRecord& record) {
+    if (record.state != state) return absl::FailedPreconditionError("too late");
+    record.error = ErrorOf(error);
+    return absl::OkStatus();
+  });
+}
+
+void JobManager::StopRunning(const std::string& id) {
+  if (!limits_.durable) {
+    (void)Stop(id, JobState::kCancelled, NoEdit);
+    return;
+  }
+  (void)Stop(id, JobState::kQueued, [](JobRecord& record) {
+    --record.attempt;  // it was not the job's fault
+    return absl::OkStatus();
+  });
+}
+
+void JobManager::BeginDrain() {
+  Executor::Timer retention;  // dropped after the lock
+  {
+    MutexLock lock(mutex_);
+    draining_ = true;
+    retention = std::move(retention_timer_);
+  }
+  while (true) {
+    std::shared_ptr<LiveJob> queued;
+    {
+      MutexLock lock(mutex_);
+      queued = queue_.PopAny();
+      if (queued != nullptr) live_.erase(queued->id);
+    }
+    if (queued == nullptr) return;
+    if (!limits_.durable) (void)Move(queued->id, JobState::kCancelled, NoEdit);
+    queued->Release();
+  }
+}
+
+void JobManager::Shutdown(absl::Duration drain) {
+  BeginDrain();
+  if (!WaitUntilIdle(drain)) {
+    for (const std::string& id : LiveIds()) StopRunning(id);
+    WaitUntilIdle(absl::InfiniteDuration());
+  }
+  stopped_ = true;
+  watchers_.NotifyAll();
+}
+
+bool JobManager::WaitUntilIdle(absl::Duration timeout) {
+  const auto deadline =
+      std::chrono::steady_clock::now() +
+      absl::ToChronoMilliseconds(std::min(timeout, absl::Hours(24 * 365)));
+  MutexLock lock(mutex_);
+  while (running_ > 0) {
+    if (!idle_.WaitUntil(mutex_, deadline)) return running_ == 0;
+  }
+  return true;
+}
+
+std::vector<std::string> JobManager::LiveIds() const {
+  std::vector<std::string> ids;
+  MutexLock lock(mutex_);
+  for (const auto& [id, live] : live_) ids.push_back(id);
+  return ids;
+}
+
+}  // namespace isomatch

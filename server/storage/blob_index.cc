@@ -1,0 +1,75 @@
+#include "server/storage/blob_index.h"
+
+#include <algorithm>
+#include <cassert>
+#include <iterator>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+
+namespace isomatch {
+namespace {
+
+bool MayGo(const BlobIndex::Entry& entry) {
+  return entry.pins == 0 && entry.blob.use_count() <= 1;
+}
+
+}  // namespace
+
+BlobIndex::Entry* BlobIndex::Touch(const BlobKey& key) {
+  const auto found = by_key_.find(key);
+  if (found == by_key_.end()) return nullptr;
+  entries_.splice(entries_.begin(), entries_, found->second);
+  return &*found->second;
+}
+
+absl::StatusOr<std::list<BlobIndex::Entry>> BlobIndex::MakeRoom(
+    std::int64_t bytes) {
+  std::vector<std::list<Entry>::iterator> victims;
+  std::int64_t free_bytes = capacity_bytes_ - size_bytes_;
+  for (auto entry = entries_.end();
+       entry != entries_.begin() && free_bytes < bytes;) {
+    --entry;
+    if (!MayGo(*entry)) continue;
+    free_bytes += entry->bytes;
+    victims.push_back(entry);
+  }
+  if (free_bytes < bytes) {
+    return absl::ResourceExhaustedError(
+        absl::StrCat("no room for ", bytes, " bytes beside ", size_bytes_,
+                     " of ", capacity_bytes_));
+  }
+  std::list<Entry> evicted;
+  for (const auto victim : victims) {
+    size_bytes_ -= victim->bytes;
+    by_key_.erase(victim->key);
+    evicted.splice(evicted.end(), entries_, victim);
+  }
+  return evicted;
+}
+
+BlobIndex::Entry& BlobIndex::Add(Entry entry) {
+  assert(by_key_.count(entry.key) == 0);
+  size_bytes_ += entry.bytes;
+  entries_.push_front(std::move(entry));
+  by_key_[entries_.front().key] = entries_.begin();
+  return entries_.front();
+}
+
+void BlobIndex::Remove(const BlobKey& key) {
+  const auto found = by_key_.find(key);
+  if (found == by_key_.end()) return;
+  size_bytes_ -= found->second->bytes;
+  entries_.erase(found->second);
+  by_key_.erase(found);
+}
+
+bool BlobIndex::ChangePins(const BlobKey& key, int change) {
+  const auto found = by_key_.find(key);
+  if (found == by_key_.end()) return false;
+  int& pins = found->second->pins;
+  pins = std::max(0, pins + change);
+  return true;
+}
+
+}  // namespace isomatch

@@ -1,0 +1,63 @@
+#pragma once
+
+#include <cstdint>
+#include <list>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "server/storage/blob_store.h"
+
+namespace isomatch {
+
+/// What a store knows of its blobs: how large they are, how often pinned, when
+/// last used. MakeRoom keeps them within `capacity_bytes` in all.
+///
+/// Not thread-safe.
+class BlobIndex {
+ public:
+  struct Entry {
+    BlobKey key;
+    std::int64_t bytes = 0;
+    int pins = 0;
+    /// The bytes as long as somebody has them.
+    std::weak_ptr<const std::string> held = {};
+    /// The bytes, in a store that has them nowhere else.
+    BlobStore::Blob blob = nullptr;
+  };
+
+  explicit BlobIndex(std::int64_t capacity_bytes)
+      : capacity_bytes_(capacity_bytes) {}
+
+  /// Returns the entry, now the most recently used; null for none.
+  Entry* Touch(const BlobKey& key);
+
+  /// Takes out entries that are neither pinned nor (with `blob`) in use, the
+  /// least recently used first, until `bytes` more fit. RESOURCE_EXHAUSTED when
+  /// they cannot; nothing is taken out then.
+  absl::StatusOr<std::list<Entry>> MakeRoom(std::int64_t bytes);
+
+  /// Adds an entry as the most recently used one.
+  /// REQUIRES: the key is new.
+  Entry& Add(Entry entry);
+
+  /// Takes an entry out; nothing when it is not there.
+  void Remove(const BlobKey& key);
+
+  /// Adds or takes back pins; false when the entry is not there. Never below 0.
+  bool ChangePins(const BlobKey& key, int change);
+
+  std::int64_t size_bytes() const { return size_bytes_; }
+  std::int64_t capacity_bytes() const { return capacity_bytes_; }
+
+ private:
+  const std::int64_t capacity_bytes_;
+  /// Most recently used first.
+  std::list<Entry> entries_;
+  std::map<BlobKey, std::list<Entry>::iterator> by_key_;
+  std::int64_t size_bytes_ = 0;
+};
+
+}  // namespace isomatch

@@ -1,0 +1,67 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "absl/strings/string_view.h"
+#include "core/base/mutex.h"
+#include "server/storage/blob_index.h"
+#include "server/storage/blob_store.h"
+
+namespace isomatch {
+
+/// Blobs in files FOLDER/TENANT/AB/SHA256, where AB are the digest's first two
+/// digits; never more than `capacity_bytes` of content. What Put accepted
+/// survives a crash and the loss of power. A file whose content is not what its
+/// name says is treated as missing. Thread-safe; one store for each folder.
+class DirectoryBlobStore : public BlobStore {
+ public:
+  /// As WriteFileDurably; tests make it fail.
+  using Writer = std::function<absl::Status(const std::string& path,
+                                            const std::string& temporary,
+                                            absl::string_view bytes)>;
+
+  /// Opens the folder, which is made if need be, and removes what a crash left
+  /// half written. Blobs beyond the capacity stay until room is needed.
+  /// UNAVAILABLE: the folder cannot be used.
+  static absl::StatusOr<std::unique_ptr<DirectoryBlobStore>> Open(
+      const std::string& folder, std::int64_t capacity_bytes);
+  static absl::StatusOr<std::unique_ptr<DirectoryBlobStore>> Open(
+      const std::string& folder, std::int64_t capacity_bytes, Writer writer);
+
+  absl::Status Put(const BlobKey& key, std::string bytes, Keep keep) override;
+  bool Pin(const BlobKey& key) override;
+  void Unpin(const BlobKey& key) override;
+  Blob Get(const BlobKey& key) override;
+  bool Has(const BlobKey& key) override;
+  std::int64_t size_bytes() const override;
+
+ private:
+  DirectoryBlobStore(const std::string& folder, std::int64_t capacity_bytes,
+                     Writer writer);
+
+  /// Fills the index from the folder, the last written as the last used.
+  absl::Status Scan();
+
+  std::string PathOf(const BlobKey& key) const;
+
+  /// Writes the file; its room has been made.
+  absl::Status Write(const BlobKey& key, const std::string& bytes);
+
+  /// Makes room and counts the bytes as taken before they are written.
+  absl::Status TakeRoom(std::int64_t bytes);
+
+  const std::string folder_;
+  const Writer write_;
+  mutable Mutex mutex_;
+  BlobIndex index_ ABSL_GUARDED_BY(mutex_);
+  /// Of blobs that are being written.
+  std::int64_t arriving_bytes_ ABSL_GUARDED_BY(mutex_) = 0;
+  std::uint64_t last_temporary_ ABSL_GUARDED_BY(mutex_) = 0;
+};
+
+}  // namespace isomatch

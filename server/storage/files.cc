@@ -1,0 +1,161 @@
+#include "server/storage/files.h"
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
+
+namespace isomatch {
+namespace {
+
+/// What errno says of `path`.
+absl::Status Refused(absl::string_view what, const std::string& path) {
+  const int error = errno;
+  const std::string message =
+      absl::StrCat("cannot ", what, " ", path, ": ", std::strerror(error));
+  if (error == ENOENT) return absl::NotFoundError(message);
+  if (error == ENOSPC || error == EDQUOT || error == EFBIG) {
+    return absl::ResourceExhaustedError(message);
+  }
+  return absl::UnavailableError(message);
+}
+
+/// A file descriptor that closes itself.
+class File {
+ public:
+  File(const std::string& path, int flags, mode_t mode = 0)
+      : descriptor_(open(path.c_str(), flags | O_CLOEXEC, mode)) {}
+  ~File() {
+    if (descriptor_ >= 0) close(descriptor_);
+  }
+  File(const File&) = delete;
+  File& operator=(const File&) = delete;
+
+  bool is_open() const { return descriptor_ >= 0; }
+  int get() const { return descriptor_; }
+
+ private:
+  const int descriptor_;
+};
+
+bool WriteAll(int descriptor, absl::string_view bytes) {
+  while (!bytes.empty()) {
+    const ssize_t written = write(descriptor, bytes.data(), bytes.size());
+    if (written < 0 && errno == EINTR) continue;
+    if (written < 0) return false;
+    bytes.remove_prefix(static_cast<size_t>(written));
+  }
+  return true;
+}
+
+absl::Status WriteAndSync(const std::string& path, absl::string_view bytes) {
+  const File file(path, O_CREAT | O_WRONLY | O_TRUNC, S_IRUSR | S_IWUSR);
+  if (!file.is_open()) return Refused("create", path);
+  if (!WriteAll(file.get(), bytes)) return Refused("write", path);
+  if (fsync(file.get()) != 0) return Refused("synchronise", path);
+  return absl::OkStatus();
+}
+
+absl::Status SyncFolder(const std::string& path) {
+  const File folder(path, O_RDONLY | O_DIRECTORY);
+  if (!folder.is_open()) return Refused("open", path);
+  if (fsync(folder.get()) != 0) return Refused("synchronise", path);
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::Status WriteFileDurably(const std::string& path,
+                              const std::string& temporary,
+                              absl::string_view bytes) {
+  absl::Status status = WriteAndSync(temporary, bytes);
+  if (status.ok() && rename(temporary.c_str(), path.c_str()) != 0) {
+    status = Refused("rename", temporary);
+  }
+  if (!status.ok()) {
+    unlink(temporary.c_str());
+    return status;
+  }
+  status = SyncFolder(std::filesystem::path(path).parent_path());
+  if (!status.ok()) unlink(path.c_str());
+  return status;
+}
+
+absl::StatusOr<std::string> ReadWholeFile(const std::string& path,
+                                          std::int64_t max_bytes) {
+  const File file(path, O_RDONLY);
+  struct stat about = {};
+  if (!file.is_open() || fstat(file.get(), &about) != 0) {
+    return Refused("read", path);
+  }
+  if (about.st_size > max_bytes) {
+    return absl::DataLossError(absl::StrCat(
+        path, " has ", about.st_size, " bytes, expected at most ", max_bytes));
+  }
+  std::string bytes(static_cast<size_t>(about.st_size), '\0');
+  size_t done = 0;
+  while (done < bytes.size()) {
+    const ssize_t got = read(file.get(), &bytes[done], bytes.size() - done);
+    if (got < 0 && errno == EINTR) continue;
+    if (got < 0) return Refused("read", path);
+    if (got == 0) break;  // it became shorter
+    done += static_cast<size_t>(got);
+  }
+  bytes.resize(done);
+  return bytes;
+}
+
+absl::Status MakeFolder(const std::string& path) {
+  namespace fs = std::filesystem;
+  std::error_code error;
+  std::vector<fs::path> made;
+  for (fs::path folder = path;
+       !folder.empty() && !fs::exists(folder, error) && !error;
+       folder = folder.parent_path()) {
+    made.push_back(folder);
+  }
+  if (!error) fs::create_directories(path, error);
+  if (error) {
+    return absl::UnavailableError(
+        absl::StrCat("cannot make the folder ", path, ": ", error.message()));
+  }
+  // From the outside in, so that none is lost with the power.
+  for (auto folder = made.rbegin(); folder != made.rend(); ++folder) {
+    const fs::path outer = folder->parent_path();
+    ISOMATCH_RETURN_IF_ERROR(SyncFolder(outer.empty() ? "." : outer.string()));
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<FolderLock> FolderLock::Take(const std::string& folder) {
+  const std::string path = absl::StrCat(folder, "/lock");
+  FolderLock lock(
+      open(path.c_str(), O_CREAT | O_RDWR | O_CLOEXEC, S_IRUSR | S_IWUSR));
+  if (lock.descriptor_ < 0) return Refused("open", path);
+  if (flock(lock.descriptor_, LOCK_EX | LOCK_NB) != 0) {
+    return absl::FailedPreconditionError(absl::StrCat(
+        folder,
+        " is in use by another isomatch-server; expected a folder of "
+        "its own for each"));
+  }
+  return lock;
+}
+
+FolderLock::FolderLock(FolderLock&& other) noexcept
+    : descriptor_(std::exchange(other.descriptor_, -1)) {}
+
+FolderLock::~FolderLock() {
+  if (descriptor_ >= 0) close(descriptor_);
+}
+
+}  // namespace isomatch

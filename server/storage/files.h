@@ -1,0 +1,44 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "absl/strings/string_view.h"
+
+namespace isomatch {
+
+/// Writes a file whole or not at all, also when the machine loses power: into
+/// `temporary` (same file system), synchronised, renamed to `path`, the folder
+/// synchronised. Readable by its owner only. RESOURCE_EXHAUSTED: the disk is
+/// full; UNAVAILABLE: it refuses for another reason. Nothing is left then.
+absl::Status WriteFileDurably(const std::string& path,
+                              const std::string& temporary,
+                              absl::string_view bytes);
+
+/// Returns what the file holds. NOT_FOUND; UNAVAILABLE when it cannot be read;
+/// DATA_LOSS when it has more than `max_bytes`.
+absl::StatusOr<std::string> ReadWholeFile(const std::string& path,
+                                          std::int64_t max_bytes);
+
+/// Makes the folder and those above it; nothing when it is there. UNAVAILABLE
+/// names the folder and the system's reason.
+absl::Status MakeFolder(const std::string& path);
+
+/// Keeps other processes from using a folder as long as it lives.
+class FolderLock {
+ public:
+  /// FAILED_PRECONDITION when another process has the lock.
+  static absl::StatusOr<FolderLock> Take(const std::string& folder);
+
+  FolderLock(FolderLock&& other) noexcept;
+  FolderLock& operator=(FolderLock&&) = delete;
+  ~FolderLock();
+
+ private:
+  explicit FolderLock(int descriptor) : descriptor_(descriptor) {}
+  int descriptor_ = -1;
+};
+
+}  // namespace isomatch

@@ -1,0 +1,57 @@
+#include "server/stores.h"
+
+#include <utility>
+
+#include <spdlog/spdlog.h>
+
+#include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
+#include "server/storage/directory_blob_store.h"
+#include "server/storage/memory_blob_store.h"
+#include "server/storage/memory_job_store.h"
+#include "server/storage/sqlite_journal.h"
+
+namespace isomatch {
+namespace {
+
+void LogJournalError(const absl::Status& error) {
+  spdlog::error("jobs are not saved, will try again: {}",
+                std::string(error.message()));
+}
+
+/// The job store as the last process left it.
+absl::Status OpenJobs(const std::string& path, Stores& stores) {
+  ISOMATCH_ASSIGN_OR_RETURN(std::unique_ptr<SqliteJournal> journal,
+                            SqliteJournal::Open(path));
+  ISOMATCH_ASSIGN_OR_RETURN(SqliteJournal::Contents contents, journal->Load());
+  for (const std::string& id : contents.unreadable) {
+    spdlog::error("job {} in {} cannot be read and is left out", id, path);
+  }
+  stores.jobs = std::make_unique<MemoryJobStore>(
+      std::move(contents.records), journal.get(), LogJournalError);
+  stores.journal = std::move(journal);
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::StatusOr<Stores> OpenStores(const ServerConfig& config) {
+  Stores stores;
+  const std::string& folder = config.data_dir;
+  if (folder.empty()) {
+    stores.jobs = std::make_unique<MemoryJobStore>();
+    stores.blobs = std::make_unique<MemoryBlobStore>(config.blob_store_bytes);
+    return stores;
+  }
+  ISOMATCH_RETURN_IF_ERROR(MakeFolder(folder));
+  ISOMATCH_ASSIGN_OR_RETURN(FolderLock lock, FolderLock::Take(folder));
+  stores.lock.emplace(std::move(lock));
+  ISOMATCH_RETURN_IF_ERROR(
+      OpenJobs(absl::StrCat(folder, "/jobs.sqlite"), stores));
+  ISOMATCH_ASSIGN_OR_RETURN(
+      stores.blobs, DirectoryBlobStore::Open(absl::StrCat(folder, "/blobs"),
+                                             config.blob_store_bytes));
+  return stores;
+}
+
+}  // namespace isomatch

@@ -1,0 +1,31 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "server/server_config.h"
+#include "server/storage/blob_store.h"
+#include "server/storage/files.h"
+#include "server/storage/job_journal.h"
+#include "server/storage/job_store.h"
+
+namespace isomatch {
+
+/// Where the server keeps jobs, meshes and results.
+struct Stores {
+  /// Of the data directory; not set without one.
+  std::optional<FolderLock> lock;
+  std::unique_ptr<JobJournal> journal;
+  std::unique_ptr<JobStore> jobs;
+  std::unique_ptr<BlobStore> blobs;
+};
+
+/// Opens the stores in config.data_dir, which is made if need be: jobs.sqlite
+/// and the folder blobs. In memory when it is empty. Errors name the directory:
+/// FAILED_PRECONDITION when another server uses it, or a newer version wrote
+/// it; UNAVAILABLE when it cannot be used; DATA_LOSS when it is damaged.
+absl::StatusOr<Stores> OpenStores(const ServerConfig& config);
+
+}  // namespace isomatch

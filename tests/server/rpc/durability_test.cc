@@ -1,0 +1,139 @@
+#include <memory>
+#include <string>
+#include <thread>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "server/storage/sha256.h"
+#include "tests/server/test_server.h"
+#include "tests/support/shapes.h"
+#include "tests/support/temporary_folder.h"
+
+namespace isomatch {
+namespace {
+
+using testing::HasSubstr;
+
+/// A server with a data directory that is stopped and started again.
+class DurabilityTest : public TestServer {
+ protected:
+  DurabilityTest() { Again(); }
+
+  ServerConfig Durable() const {
+    ServerConfig config = TestConfig();
+    config.data_dir = folder_.Path("data");
+    return config;
+  }
+
+  void Again() { Restart(Durable()); }
+
+  grpc::Status Download(const std::string& name, std::string& bytes) {
+    grpc::ClientContext context;
+    v1::DownloadResultRequest request;
+    request.set_name(name);
+    const auto reader = stub_->DownloadResult(&context, request);
+    for (v1::DownloadResultResponse part; reader->Read(&part);) {
+      bytes += part.chunk();
+    }
+    return reader->Finish();
+  }
+
+  TemporaryFolder folder_;
+};
+
+TEST_F(DurabilityTest, QueuedAndRunningJobsRunWhenTheServerStartsAgain) {
+  gate_open_ = false;
+  const std::string running = CreateJob();
+  const std::string queued = CreateJob();
+  WaitForMatches(1);
+  server_->Shutdown(absl::ZeroDuration());
+  gate_open_ = true;
+  Again();
+  for (const std::string& name : {running, queued}) {
+    const v1::Job job = Watch(name).back();
+    EXPECT_EQ(job.state(), v1::Job::STATE_SUCCEEDED);
+    EXPECT_EQ(job.attempt(), 1);
+  }
+}
+
+TEST_F(DurabilityTest, ResultsAreTheSameAfterwards) {
+  const std::string name = CreateJob();
+  const v1::Job before = Watch(name).back();
+  std::string bytes;
+  ASSERT_TRUE(Download(name, bytes).ok());
+  Again();
+  const v1::Job after = GetJob(name);
+  EXPECT_EQ(after.SerializeAsString(), before.SerializeAsString());
+  std::string again;
+  ASSERT_TRUE(Download(name, again).ok());
+  EXPECT_FALSE(bytes.empty());
+  EXPECT_EQ(again, bytes);
+}
+
+TEST_F(DurabilityTest, AWatcherIsToldThatTheJobGoesOnLater) {
+  gate_open_ = false;
+  const std::string name = CreateJob();
+  WaitForMatches(1);
+  grpc::ClientContext context;
+  v1::WatchJobRequest request;
+  request.set_name(name);
+  const auto reader = stub_->WatchJob(&context, request);
+  v1::WatchJobResponse response;
+  ASSERT_TRUE(reader->Read(&response));
+  std::thread stopping([&] { server_->Shutdown(absl::ZeroDuration()); });
+  while (reader->Read(&response)) {
+    EXPECT_LE(response.job().state(), v1::Job::STATE_RUNNING);
+  }
+  const CallError error = ErrorOf(reader->Finish());
+  stopping.join();
+  EXPECT_EQ(error.code, grpc::StatusCode::UNAVAILABLE);
+  EXPECT_EQ(error.reason, "DRAINING");
+  EXPECT_TRUE(error.has_retry);
+  gate_open_ = true;
+  Again();
+  EXPECT_EQ(Watch(name, response.job().sequence()).back().state(),
+            v1::Job::STATE_SUCCEEDED);
+}
+
+TEST_F(DurabilityTest, UploadedMeshesNeedNotBeSentAgain) {
+  v1::CreateJobRequest request = SphereJob();
+  const std::string name = CreateJob(request);
+  Watch(name);
+  Again();
+  // The meshes came within the request; their content is known by digest now.
+  v1::CreateJobRequest by_digest = request;
+  v1::FindMissingMeshesRequest find;
+  for (v1::Mesh* mesh :
+       {by_digest.mutable_mesh_x(), by_digest.mutable_mesh_y()}) {
+    v1::Digest digest;
+    digest.set_sha256(Sha256Hex(mesh->draco()));
+    digest.set_size_bytes(mesh->draco().size());
+    *mesh->mutable_digest() = digest;
+    *find.add_digests() = digest;
+  }
+  grpc::ClientContext context;
+  v1::FindMissingMeshesResponse missing;
+  ASSERT_TRUE(stub_->FindMissingMeshes(&context, find, &missing).ok());
+  EXPECT_EQ(missing.missing_size(), 0);
+  EXPECT_EQ(Watch(CreateJob(by_digest)).back().state(),
+            v1::Job::STATE_SUCCEEDED);
+}
+
+TEST_F(DurabilityTest, TwoServersDoNotShareAFolder) {
+  const auto second = Server::Create(Durable());
+  EXPECT_EQ(second.status().code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_THAT(std::string(second.status().message()),
+              HasSubstr(folder_.Path("data")));
+}
+
+TEST_F(DurabilityTest, InfoSaysWhatIsKept) {
+  grpc::ClientContext context;
+  v1::GetServerInfoResponse info;
+  ASSERT_TRUE(stub_->GetServerInfo(&context, {}, &info).ok());
+  EXPECT_TRUE(info.durable());
+  EXPECT_EQ(info.job_retention().seconds(), 7 * 24 * 3600);
+}
+
+}  // namespace
+}  // namespace isomatch

@@ -1,0 +1,186 @@
+#include "server/storage/directory_blob_store.h"
+
+#include <filesystem>
+#include <fstream>
+#include <memory>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "server/storage/files.h"
+#include "server/storage/sha256.h"
+#include "tests/support/matchers.h"
+#include "tests/support/temporary_folder.h"
+
+namespace isomatch {
+namespace {
+
+using testing::_;
+using testing::IsEmpty;
+using testing::SizeIs;
+
+BlobKey KeyOf(const std::string& bytes) { return {"tenant", Sha256Hex(bytes)}; }
+
+/// The files below the folder, whatever they are.
+std::vector<std::string> FilesBelow(const std::string& folder) {
+  std::vector<std::string> files;
+  for (const auto& entry :
+       std::filesystem::recursive_directory_iterator(folder)) {
+    if (entry.is_regular_file()) files.push_back(entry.path().string());
+  }
+  return files;
+}
+
+class DirectoryBlobStoreTest : public testing::Test {
+ protected:
+  void Open(std::int64_t capacity_bytes = 100) {
+    store_.reset();
+    auto store = DirectoryBlobStore::Open(root_, capacity_bytes);
+    ASSERT_THAT(store, IsOk());
+    store_ = *std::move(store);
+  }
+
+  TemporaryFolder folder_;
+  const std::string root_ = folder_.Path("blobs");
+  std::unique_ptr<DirectoryBlobStore> store_;
+};
+
+TEST_F(DirectoryBlobStoreTest, BlobsAreThereAfterOpeningAgain) {
+  Open();
+  ASSERT_THAT(store_->Put(KeyOf("one"), "one", Keep::kPinned), IsOk());
+  ASSERT_THAT(store_->Put(KeyOf("two"), "two", Keep::kWhileRoom), IsOk());
+  Open();
+  EXPECT_EQ(*store_->Get(KeyOf("one")), "one");
+  EXPECT_EQ(*store_->Get(KeyOf("two")), "two");
+  EXPECT_EQ(store_->size_bytes(), 6);
+  EXPECT_THAT(FilesBelow(root_), SizeIs(2));
+}
+
+TEST_F(DirectoryBlobStoreTest, ADamagedFileIsAsGoodAsMissing) {
+  Open();
+  ASSERT_THAT(store_->Put(KeyOf("whole"), "whole", Keep::kWhileRoom), IsOk());
+  std::ofstream(FilesBelow(root_).front()) << "whale";
+  EXPECT_EQ(store_->Get(KeyOf("whole")), nullptr);
+  EXPECT_FALSE(store_->Has(KeyOf("whole")));
+  EXPECT_EQ(store_->size_bytes(), 0);
+  ASSERT_THAT(store_->Put(KeyOf("whole"), "whole", Keep::kWhileRoom), IsOk());
+  EXPECT_EQ(*store_->Get(KeyOf("whole")), "whole");
+}
+
+TEST_F(DirectoryBlobStoreTest, HalfWrittenFilesAreRemovedAndOthersLeftAlone) {
+  Open();
+  std::ofstream(root_ + "/.tmp/7") << "half";
+  std::ofstream(root_ + "/notes.txt") << "mine";
+  Open();
+  EXPECT_THAT(FilesBelow(root_), testing::ElementsAre(root_ + "/notes.txt"));
+}
+
+TEST_F(DirectoryBlobStoreTest, EvictedBlobsLeaveTheDisk) {
+  Open();
+  for (char fill = 'a'; fill < 'k'; ++fill) {
+    const std::string bytes(40, fill);
+    ASSERT_THAT(store_->Put(KeyOf(bytes), bytes, Keep::kWhileRoom), IsOk());
+  }
+  EXPECT_THAT(FilesBelow(root_), SizeIs(2));
+}
+
+TEST_F(DirectoryBlobStoreTest, ASmallerCapacityHoldsOnceRoomIsNeeded) {
+  Open(1000);
+  for (char fill = 'a'; fill < 'k'; ++fill) {
+    const std::string bytes(40, fill);
+    ASSERT_THAT(store_->Put(KeyOf(bytes), bytes, Keep::kWhileRoom), IsOk());
+  }
+  Open(100);
+  EXPECT_EQ(store_->size_bytes(), 400);
+  ASSERT_THAT(store_->Put(KeyOf("x"), "x", Keep::kWhileRoom), IsOk());
+  EXPECT_LE(store_->size_bytes(), 100);
+}
+
+TEST_F(DirectoryBlobStoreTest, ARefusingDiskLeavesNothingBehind) {
+  absl::Status disk;
+  auto store = DirectoryBlobStore::Open(
+      root_, 100,
+      [&](const std::string& path, const std::string& temporary,
+          absl::string_view bytes) {
+        return disk.ok() ? WriteFileDurably(path, temporary, bytes) : disk;
+      });
+  ASSERT_THAT(store, IsOk());
+  disk = absl::ResourceExhaustedError("full");
+  EXPECT_THAT((*store)->Put(KeyOf("a"), "a", Keep::kPinned),
+              StatusIs(absl::StatusCode::kResourceExhausted, _));
+  EXPECT_FALSE((*store)->Has(KeyOf("a")));
+  EXPECT_EQ((*store)->size_bytes(), 0);
+  EXPECT_THAT(FilesBelow(root_), IsEmpty());
+  disk = absl::OkStatus();
+  EXPECT_THAT((*store)->Put(KeyOf("a"), "a", Keep::kPinned), IsOk());
+}
+
+TEST_F(DirectoryBlobStoreTest, ManyThreadsGetWhatWasPut) {
+  Open(300);
+  const auto work = [&](int seed) {
+    for (int i = 0; i < 200; ++i) {
+      const std::string bytes(static_cast<size_t>(30 + (seed + i) % 7), 'b');
+      if (!store_->Put(KeyOf(bytes), bytes, Keep::kWhileRoom).ok()) continue;
+      const BlobStore::Blob found = store_->Get(KeyOf(bytes));
+      EXPECT_TRUE(found == nullptr || *found == bytes);
+    }
+  };
+  std::vector<std::thread> threads;
+  for (int i = 0; i < 4; ++i) threads.emplace_back(work, i);
+  for (std::thread& thread : threads) thread.join();
+  EXPECT_LE(store_->size_bytes(), 300);
+}
+
+TEST(FilesTest, ANewFileTakesThePlaceOfTheOldOneWhole) {
+  const TemporaryFolder folder;
+  const std::string path = folder.Path("file");
+  ASSERT_THAT(WriteFileDurably(path, path + ".tmp", "old"), IsOk());
+  ASSERT_THAT(WriteFileDurably(path, path + ".tmp", "new"), IsOk());
+  EXPECT_EQ(*ReadWholeFile(path, 3), "new");
+  EXPECT_THAT(ReadWholeFile(path, 2), StatusIs(absl::StatusCode::kDataLoss, _));
+  EXPECT_THAT(FilesBelow(folder.Path("")), SizeIs(1));
+}
+
+TEST(FilesTest, WhatCannotBeWrittenSaysWhichFile) {
+  const TemporaryFolder folder;
+  const std::string path = folder.Path("none/file");
+  EXPECT_THAT(WriteFileDurably(path, folder.Path("tmp"), "x"),
+              StatusIs(absl::StatusCode::kNotFound, testing::HasSubstr("tmp")));
+  EXPECT_THAT(FilesBelow(folder.Path("")), IsEmpty());
+  EXPECT_THAT(ReadWholeFile(path, 1),
+              StatusIs(absl::StatusCode::kNotFound, testing::HasSubstr(path)));
+  EXPECT_THAT(WriteFileDurably("/dev/full/x", "/dev/full", "x"),
+              StatusIs(absl::StatusCode::kResourceExhausted, _));
+}
+
+TEST(FilesTest, AFolderCannotBeMadeBelowAFile) {
+  const TemporaryFolder folder;
+  const std::string path = folder.Path("file");
+  ASSERT_THAT(WriteFileDurably(path, path + ".tmp", ""), IsOk());
+  EXPECT_THAT(
+      MakeFolder(path + "/below"),
+      StatusIs(absl::StatusCode::kUnavailable, testing::HasSubstr(path)));
+  EXPECT_THAT(MakeFolder(folder.Path("a/b/c")), IsOk());
+  EXPECT_THAT(MakeFolder(folder.Path("a/b/c")), IsOk());
+}
+
+TEST(FilesTest, AFolderIsLockedOnce) {
+  const TemporaryFolder folder;
+  {
+    const auto lock = FolderLock::Take(folder.Path(""));
+    ASSERT_THAT(lock, IsOk());
+    EXPECT_THAT(FolderLock::Take(folder.Path("")),
+                StatusIs(absl::StatusCode::kFailedPrecondition,
+                         testing::HasSubstr(folder.Path(""))));
+  }
+  EXPECT_THAT(FolderLock::Take(folder.Path("")), IsOk());
+  EXPECT_THAT(FolderLock::Take(folder.Path("none")),
+              StatusIs(absl::StatusCode::kNotFound, _));
+}
+
+}  // namespace
+}  // namespace isomatch

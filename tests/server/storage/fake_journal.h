@@ -1,0 +1,38 @@
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "server/storage/job_journal.h"
+
+namespace isomatch {
+
+/// A journal that survives as long as the test wants and fails when it says so.
+class FakeJournal : public JobJournal {
+ public:
+  absl::Status Write(const std::vector<JobRecord>& records) override {
+    if (!failure.ok()) return failure;
+    for (const JobRecord& record : records) kept[record.id] = record;
+    ++writes;
+    return absl::OkStatus();
+  }
+
+  absl::Status Remove(const std::vector<std::string>& ids) override {
+    if (!failure.ok()) return failure;
+    for (const std::string& id : ids) kept.erase(id);
+    return absl::OkStatus();
+  }
+
+  std::vector<JobRecord> Records() const {
+    std::vector<JobRecord> records;
+    for (const auto& [id, record] : kept) records.push_back(record);
+    return records;
+  }
+
+  std::map<std::string, JobRecord> kept;
+  absl::Status failure;
+  int writes = 0;
+};
+
+}  // namespace isomatch

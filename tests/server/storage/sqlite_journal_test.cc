@@ -1,0 +1,198 @@
+#include "server/storage/sqlite_journal.h"
+
+#include <fstream>
+#include <limits>
+#include <string>
+
+#include <SQLiteCpp/SQLiteCpp.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "absl/strings/str_cat.h"
+#include "server/storage/job_record_codec.h"
+#include "tests/support/matchers.h"
+#include "tests/support/temporary_folder.h"
+
+namespace isomatch {
+namespace {
+
+using testing::_;
+using testing::HasSubstr;
+using testing::IsEmpty;
+using testing::SizeIs;
+
+/// A record with something else than the default in every member.
+JobRecord FullRecord() {
+  JobRecord record;
+  record.id = "id";
+  record.tenant = "tenant";
+  record.state = JobState::kSucceeded;
+  record.progress = {3, 0.25, 0.5};
+  record.memory_estimate_bytes = std::int64_t{5} << 40;
+  record.error = JobError{absl::StatusCode::kInternal, "REASON", "why: \"x\""};
+  JobResult& result = record.result.emplace();
+  result.mesh_x = {10, 20, 0.1, {"warning"}};
+  result.mesh_y = {11, 21, 1e-300, {}};
+  result.parts = {{ResultPart::kMap, "aa", 4},
+                  {ResultPart::kConfidence, "", 8}};
+  result.unmatched = 3;
+  result.scores = {1, 2, 3, 4, 5, 6, 7, 1.0 / 3};
+  result.quality = {.1, .2, .3, .4};
+  result.symmetry_confidence = 0.7;
+  result.alternatives = {
+      {.rank_value = std::numeric_limits<double>::infinity()}};
+  result.landmarks = {{{1, 2}, false, 3, 0.125}};
+  result.objective = 9;
+  result.stage_times = {{1, 0.5}};
+  result.run_seconds = 1.25;
+  result.peak_resident_bytes = 77;
+  result.warnings = {"other"};
+  result.profile = 1;
+  result.random_seed = std::numeric_limits<std::uint64_t>::max();
+  record.create_time = absl::FromUnixNanos(1'700'000'000'123'456'789);
+  record.start_time = record.create_time + absl::Seconds(1);
+  record.end_time = record.create_time + absl::Seconds(2);
+  record.labels = {{"key", "value"}};
+  record.request_id = "request";
+  record.request_sha256 = "bb";
+  record.priority = -7;
+  record.attempt = 2;
+  record.queue_timeout = absl::Milliseconds(1500);
+  record.run_timeout = absl::Hours(3);
+  record.inputs = {"cc", "dd", "ee"};
+  record.sequence = std::uint64_t{1} << 40;
+  record.number = 12;
+  return record;
+}
+
+TEST(JobRecordCodecTest, EveryMemberComesBack) {
+  const std::string bytes = EncodeJobRecord(FullRecord());
+  const auto decoded = DecodeJobRecord(bytes);
+  ASSERT_THAT(decoded, IsOk());
+  EXPECT_EQ(EncodeJobRecord(*decoded), bytes);
+  EXPECT_EQ(decoded->result->random_seed, FullRecord().result->random_seed);
+  EXPECT_EQ(decoded->result->scores.rank_value, 1.0 / 3);
+  EXPECT_EQ(decoded->create_time, FullRecord().create_time);
+  EXPECT_EQ(decoded->queue_timeout, absl::Milliseconds(1500));
+  EXPECT_EQ(decoded->result->landmarks[0].landmark, (VertexMatch{1, 2}));
+}
+
+TEST(JobRecordCodecTest, WhatIsNotThereHasItsDefault) {
+  JobRecord empty;
+  empty.id = "x";
+  const auto decoded = DecodeJobRecord(EncodeJobRecord(empty));
+  ASSERT_THAT(decoded, IsOk());
+  EXPECT_FALSE(decoded->result || decoded->error || decoded->run_timeout);
+  EXPECT_EQ(decoded->start_time, absl::InfinitePast());
+}
+
+TEST(JobRecordCodecTest, DamagedBytesAreRefused) {
+  const std::string bytes = EncodeJobRecord(FullRecord());
+  for (size_t length = 0; length < bytes.size(); length += 7) {
+    EXPECT_THAT(DecodeJobRecord(bytes.substr(0, length)),
+                StatusIs(absl::StatusCode::kDataLoss, _));
+  }
+  JobRecord odd = FullRecord();
+  odd.state = static_cast<JobState>(99);
+  EXPECT_THAT(DecodeJobRecord(EncodeJobRecord(odd)),
+              StatusIs(absl::StatusCode::kDataLoss, _));
+}
+
+class SqliteJournalTest : public testing::Test {
+ protected:
+  std::unique_ptr<SqliteJournal> Open() {
+    auto journal = SqliteJournal::Open(path_);
+    EXPECT_THAT(journal, IsOk());
+    return journal.ok() ? *std::move(journal) : nullptr;
+  }
+
+  TemporaryFolder folder_;
+  const std::string path_ = folder_.Path("jobs.sqlite");
+};
+
+JobRecord Named(const std::string& id, std::uint64_t number) {
+  JobRecord record = FullRecord();
+  record.id = id;
+  record.request_id = id;
+  record.number = number;
+  return record;
+}
+
+TEST_F(SqliteJournalTest, RecordsAreThereAfterOpeningAgain) {
+  {
+    const auto journal = Open();
+    ASSERT_THAT(journal->Write({Named("b", 2), Named("a", 1), Named("c", 3)}),
+                IsOk());
+    JobRecord changed = Named("b", 2);
+    changed.state = JobState::kFailed;
+    ASSERT_THAT(journal->Write({changed}), IsOk());
+    ASSERT_THAT(journal->Remove({"c", "nobody"}), IsOk());
+  }
+  const auto contents = Open()->Load();
+  ASSERT_THAT(contents, IsOk());
+  ASSERT_THAT(contents->records, SizeIs(2));
+  EXPECT_EQ(EncodeJobRecord(contents->records[0]),
+            EncodeJobRecord(Named("a", 1)));
+  EXPECT_EQ(contents->records[1].state, JobState::kFailed);
+}
+
+TEST_F(SqliteJournalTest, AWriteIsAllOrNothing) {
+  const auto journal = Open();
+  JobRecord twin = Named("b", 2);
+  twin.request_id = "a";
+  ASSERT_THAT(journal->Write({Named("a", 1)}), IsOk());
+  // Two jobs of one request: the later takes the place of the first.
+  ASSERT_THAT(journal->Write({twin}), IsOk());
+  EXPECT_THAT(journal->Load()->records, SizeIs(1));
+}
+
+TEST_F(SqliteJournalTest, ARowThatCannotBeReadIsLeftAlone) {
+  const auto journal = Open();
+  ASSERT_THAT(journal->Write({Named("a", 1), Named("b", 2)}), IsOk());
+  SQLite::Database database(path_, SQLite::OPEN_READWRITE);
+  database.exec("UPDATE jobs SET record = x'00' WHERE id = 'a'");
+  const auto contents = journal->Load();
+  ASSERT_THAT(contents, IsOk());
+  EXPECT_THAT(contents->records, SizeIs(1));
+  EXPECT_THAT(contents->unreadable, testing::ElementsAre("a"));
+}
+
+TEST_F(SqliteJournalTest, OperatorsCanReadTheColumns) {
+  const auto journal = Open();
+  ASSERT_THAT(journal->Write({Named("a", 1)}), IsOk());
+  SQLite::Database database(path_);
+  EXPECT_EQ(database.execAndGet("SELECT state FROM jobs").getString(),
+            "SUCCEEDED");
+  EXPECT_EQ(database.execAndGet("SELECT ended FROM jobs").getString(),
+            "2023-11-14T22:13:22.123Z");
+  EXPECT_EQ(database.execAndGet("PRAGMA journal_mode").getString(), "wal");
+}
+
+TEST_F(SqliteJournalTest, ANewerVersionIsRefused) {
+  Open();
+  SQLite::Database database(path_, SQLite::OPEN_READWRITE);
+  database.exec("PRAGMA user_version = 99");
+  EXPECT_THAT(
+      SqliteJournal::Open(path_),
+      StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("version 99")));
+}
+
+TEST_F(SqliteJournalTest, WhatIsNoDatabaseIsRefused) {
+  std::ofstream(path_) << std::string(5000, 'x');
+  EXPECT_THAT(SqliteJournal::Open(path_),
+              StatusIs(absl::StatusCode::kDataLoss, HasSubstr(path_)));
+  EXPECT_THAT(SqliteJournal::Open(folder_.Path("none/jobs.sqlite")),
+              StatusIs(absl::StatusCode::kUnavailable, _));
+}
+
+TEST_F(SqliteJournalTest, ErrorsOfTheDatabaseAreStatuses) {
+  const auto journal = Open();
+  SQLite::Database database(path_, SQLite::OPEN_READWRITE);
+  database.exec("DROP TABLE jobs");
+  EXPECT_FALSE(journal->Write({Named("a", 1)}).ok());
+  EXPECT_FALSE(journal->Remove({"a"}).ok());
+  EXPECT_FALSE(journal->Load().ok());
+}
+
+}  // namespace
+}  // namespace isomatch
