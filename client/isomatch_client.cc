@@ -8,8 +8,6 @@
 #include <utility>
 
 #include <grpcpp/client_context.h>
-#include <grpcpp/create_channel.h>
-#include <grpcpp/security/credentials.h>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/string_view.h"
@@ -251,20 +249,6 @@ absl::Status SetPart(v1::ResultPart part, const std::string& bytes,
 }
 
 }  // namespace
-
-std::shared_ptr<grpc::Channel> ConnectTo(const std::string& address) {
-  constexpr int kSecond = 1000;  // milliseconds
-  grpc::ChannelArguments arguments;
-  arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, kSecond / 4);
-  arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, kSecond);
-  arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 5 * kSecond);
-  // Servers allow a ping every 20 s, and a watch sends nothing else.
-  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, 25 * kSecond);
-  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 10 * kSecond);
-  arguments.SetInt(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
-  return grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(),
-                                   arguments);
-}
 
 IsomatchClient::IsomatchClient(const std::shared_ptr<grpc::Channel>& channel)
     : stub_(v1::CorrespondenceService::NewStub(channel)) {}

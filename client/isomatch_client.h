@@ -58,11 +58,8 @@ struct MatchResult {
 /// Called with every snapshot of the job, from the thread that calls Match.
 using JobCallback = std::function<void(const v1::Job&)>;
 
-/// Returns a channel to HOST:PORT or unix:PATH, without encryption. It notices
-/// within 40 s that a peer is gone which sent no farewell.
-std::shared_ptr<grpc::Channel> ConnectTo(const std::string& address);
-
-/// Talks to an Isomatch server over a channel. Match goes through these steps:
+/// Talks to an Isomatch server over a channel (see connection.h). Match goes
+/// through these steps:
 ///
 ///   1. both meshes are compressed with Draco, losslessly in single precision;
 ///   2. they travel inside CreateJob if both fit one request, else those that

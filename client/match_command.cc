@@ -1,16 +1,16 @@
-#include <cstddef>
 #include <cstdint>
+#include <cstdlib>
 #include <memory>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "absl/strings/match.h"
-#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "client/commands.h"
+#include "client/connection.h"
+#include "client/connection_flags.h"
 #include "client/isomatch_client.h"
 #include "client/map_file.h"
 #include "client/match_outputs.h"
@@ -35,6 +35,8 @@ Examples:
   isomatch match X.off Y.ply --landmarks pairs.txt --no-progress > map.txt
   isomatch match X.off Y.ply -o map.txt --server 127.0.0.1:7443
   isomatch match X.off Y.ply -o map.txt --precise points.txt
+  isomatch match X.off Y.ply -o map.txt --server meshes.example.org:7443 \
+                 --tls-ca ca.crt --api-key-file alice.key
 
 A landmark file has lines `x y` of 0-based vertices known to match; # starts a
 comment. One that the rest of the map contradicts is changed, and a warning says
@@ -55,7 +57,7 @@ constexpr double kLowSymmetryConfidence = 0.2;
 struct Arguments {
   std::string x;
   std::string y;
-  std::string server;
+  ConnectionFlags connection;
   std::string landmarks;
   std::string profile = "default";
   std::uint64_t random_seed = 1;
@@ -64,19 +66,6 @@ struct Arguments {
   MatchOutputs outputs;
   bool no_progress = false;
 };
-
-// What CLI11 tells the user about a --server that is none; empty when it is.
-std::string CheckAddress(const std::string& address) {
-  if (absl::StartsWith(address, "unix:")) return "";
-  const std::size_t colon = address.rfind(':');
-  int port = 0;
-  if (colon != std::string::npos && colon > 0 &&
-      absl::SimpleAtoi(address.substr(colon + 1), &port) && port > 0 &&
-      port <= 65535) {
-    return "";
-  }
-  return absl::StrCat("'", address, "', expected HOST:PORT");
-}
 
 // Reads a mesh and appends what is to be said about it to `warnings`.
 absl::StatusOr<TriangleMesh> Load(const std::string& path,
@@ -129,15 +118,25 @@ absl::StatusOr<MatchResult> RunMatch(
 }
 
 absl::StatusOr<MatchResult> RunRemote(const MatchRequest& request,
+                                      const ConnectionSecurity& security,
                                       const Arguments& arguments,
                                       const Terminal& terminal) {
+  const std::string& server = arguments.connection.server;
   absl::StatusOr<MatchResult> result =
-      RunMatch(ConnectTo(arguments.server), request, arguments, terminal);
-  if (result.ok() || result.status().code() != absl::StatusCode::kUnavailable) {
-    return result;
+      RunMatch(ConnectTo(server, security), request, arguments, terminal);
+  if (result.ok()) return result;
+  const absl::Status& status = result.status();
+  switch (status.code()) {
+    case absl::StatusCode::kUnavailable:
+      return absl::UnavailableError(
+          absl::StrCat("--server ", server, ": ", status.message()));
+    case absl::StatusCode::kUnauthenticated:
+      return absl::UnauthenticatedError(
+          absl::StrCat("--server ", server, ": ", status.message(),
+                       ", expected --api-key-file or ISOMATCH_API_KEY"));
+    default:
+      return result;
   }
-  return absl::UnavailableError(absl::StrCat("--server ", arguments.server,
-                                             ": ", result.status().message()));
 }
 
 absl::StatusOr<MatchResult> RunEmbedded(const MatchRequest& request,
@@ -171,13 +170,21 @@ void Warn(const std::vector<std::string>& warnings, const Terminal& terminal) {
 absl::Status Run(const Arguments& arguments, const Terminal& terminal) {
   ISOMATCH_RETURN_IF_ERROR(CheckOutputs(arguments.outputs));
   std::vector<std::string> warnings;
+  ConnectionSecurity security;
+  const bool is_embedded = arguments.connection.server.empty();
+  if (!is_embedded) {
+    ISOMATCH_ASSIGN_OR_RETURN(
+        security,
+        LoadSecurity(arguments.connection, std::getenv("ISOMATCH_API_KEY")));
+    Warn(SecurityWarnings(arguments.connection, security), terminal);
+  }
   ISOMATCH_ASSIGN_OR_RETURN(const MatchRequest request,
                             MakeRequest(arguments, &warnings));
   Warn(warnings, terminal);
-  ISOMATCH_ASSIGN_OR_RETURN(const MatchResult result,
-                            arguments.server.empty()
-                                ? RunEmbedded(request, arguments, terminal)
-                                : RunRemote(request, arguments, terminal));
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const MatchResult result,
+      is_embedded ? RunEmbedded(request, arguments, terminal)
+                  : RunRemote(request, security, arguments, terminal));
   Warn(WarningsOf(result.info), terminal);
   return WriteOutputs(arguments.outputs, request, result, warnings, terminal);
 }
@@ -218,10 +225,7 @@ Command AddMatchCommand(CLI::App& app) {
   const auto arguments = std::make_shared<Arguments>();
   AddInputs(command, arguments.get());
   AddOutputs(command, &arguments->outputs);
-  command
-      ->add_option("--server", arguments->server,
-                   "HOST:PORT of a running isomatch-server")
-      ->check(CLI::Validator(CheckAddress, "HOST:PORT"));
+  AddConnectionFlags(command, &arguments->connection);
   command
       ->add_option("--profile", arguments->profile,
                    "default: what measured best; paper: as published")

@@ -2,6 +2,7 @@
 #include <iostream>
 #include <memory>
 #include <optional>
+#include <string>
 #include <thread>
 
 #include <spdlog/sinks/stdout_color_sinks.h>
@@ -34,8 +35,25 @@ sigset_t BlockStopSignals() {
   return signals;
 }
 
+/// Who is let in, in words.
+const char* DescribeTls(const ServerConfig& config) {
+  if (config.tls_cert.empty()) return "no TLS";
+  return config.tls_client_ca.empty() ? "TLS" : "TLS with client certificates";
+}
+
+/// What a client has to add to its first command.
+std::string ClientFlags(const ServerConfig& config) {
+  std::string flags;
+  if (!config.tls_cert.empty()) flags += " --tls-ca CA";
+  if (!config.tls_client_ca.empty()) flags += " --tls-cert CERT --tls-key KEY";
+  if (!config.api_keys.empty()) flags += " --api-key-file FILE";
+  return flags;
+}
+
 void LogStart(const ServerConfig& config, const Server& server) {
   spdlog::info("isomatch-server {} listens on {}", kVersion, server.address());
+  spdlog::info("security: {}, {}", DescribeTls(config),
+               config.api_keys.empty() ? "no API keys" : "API keys");
   spdlog::info("jobs: {} at a time, {} threads each, {} may wait",
                config.workers, server.threads_per_job(),
                config.max_queued_jobs);
@@ -47,8 +65,8 @@ void LogStart(const ServerConfig& config, const Server& server) {
                                : config.data_dir);
   spdlog::info("requests: at most {} KiB, larger meshes are uploaded",
                config.max_request_bytes >> 10);
-  spdlog::info("a first job: isomatch match --server {} X Y -o MAP",
-               server.address());
+  spdlog::info("a first job: isomatch match --server {}{} X Y -o MAP",
+               server.address(), ClientFlags(config));
 }
 
 /// Ends the process on a second signal, and when a peer or a job holds up the

@@ -1,6 +1,7 @@
 #include "server/server.h"
 
 #include <algorithm>
+#include <functional>
 #include <mutex>
 #include <thread>
 #include <utility>
@@ -18,7 +19,10 @@
 #include "server/convert/stored_request.h"
 #include "server/jobs/memory_limit.h"
 #include "server/jobs/thread_pool.h"
+#include "server/rpc/access.h"
+#include "server/rpc/api_keys.h"
 #include "server/rpc/correspondence_service.h"
+#include "server/rpc/server_credentials.h"
 #include "server/stores.h"
 
 namespace isomatch {
@@ -51,6 +55,21 @@ void LogState(const JobRecord& job) {
   } else {
     spdlog::info("job {} {} after {:.1f} s", job.id, state, seconds);
   }
+}
+
+/// Returns what logs that files have changed.
+std::function<void(const absl::Status&)> ReloadLogger(const char* what) {
+  return [what](const absl::Status& status) {
+    if (status.ok()) return spdlog::info("{}: the new ones hold", what);
+    spdlog::error("{}: those before stay: {}", what,
+                  std::string(status.message()));
+  };
+}
+
+/// Null when the configuration asks for no keys.
+absl::StatusOr<std::unique_ptr<ApiKeys>> OpenKeys(const ServerConfig& config) {
+  if (config.api_keys.empty()) return nullptr;
+  return ApiKeys::Open(config.api_keys, absl::Now, ReloadLogger("API keys"));
 }
 
 int ChooseThreads(const ServerConfig& config) {
@@ -102,7 +121,8 @@ void SetChannelArguments(const ServerConfig& config,
 
 class Server::Impl {
  public:
-  Impl(const ServerConfig& config, MatchEngine engine, Stores stores);
+  Impl(const ServerConfig& config, MatchEngine engine,
+       std::unique_ptr<ApiKeys> keys, Stores stores);
   ~Impl();
 
   absl::Status Listen();
@@ -121,6 +141,7 @@ class Server::Impl {
   ServiceContext MakeContext();
 
   const ServerConfig config_;
+  const Access access_;
   const Stores stores_;
   MemoryBudget budget_;
   MemoryBudget uploads_;
@@ -134,12 +155,14 @@ class Server::Impl {
   CorrespondenceService service_;
   int port_ = 0;
   std::once_flag shutdown_;
+  PortCredentials port_credentials_;
   std::unique_ptr<grpc::Server> grpc_;
 };
 
 Server::Impl::Impl(const ServerConfig& config, MatchEngine engine,
-                   Stores stores)
+                   std::unique_ptr<ApiKeys> keys, Stores stores)
     : config_(config),
+      access_(std::move(keys)),
       stores_(std::move(stores)),
       budget_(ChooseMemoryBudget(config.memory_budget_bytes,
                                  AvailableMemoryBytes())),
@@ -192,6 +215,7 @@ JobManager::Parts Server::Impl::MakeJobParts() {
 
 ServiceContext Server::Impl::MakeContext() {
   ServiceContext context;
+  context.access = &access_;
   context.manager = &manager_;
   context.blobs = stores_.blobs.get();
   context.budget = &budget_;
@@ -213,7 +237,12 @@ absl::Status Server::Impl::Listen() {
   grpc::ServerBuilder builder;
   SetChannelArguments(config_, builder);
   if (!config_.listen.empty()) {
-    builder.AddListeningPort(config_.listen, grpc::InsecureServerCredentials(),
+    ISOMATCH_ASSIGN_OR_RETURN(
+        port_credentials_,
+        MakePortCredentials(
+            {config_.tls_cert, config_.tls_key, config_.tls_client_ca},
+            ReloadLogger("certificates")));
+    builder.AddListeningPort(config_.listen, port_credentials_.credentials,
                              &port_);
   }
   builder.RegisterService(&service_);
@@ -260,9 +289,10 @@ absl::StatusOr<std::unique_ptr<Server>> Server::Create(
 absl::StatusOr<std::unique_ptr<Server>> Server::Create(
     const ServerConfig& config, MatchEngine engine) {
   ISOMATCH_RETURN_IF_ERROR(config.Validate());
+  ISOMATCH_ASSIGN_OR_RETURN(std::unique_ptr<ApiKeys> keys, OpenKeys(config));
   ISOMATCH_ASSIGN_OR_RETURN(Stores stores, OpenStores(config));
-  auto impl =
-      std::make_unique<Impl>(config, std::move(engine), std::move(stores));
+  auto impl = std::make_unique<Impl>(config, std::move(engine), std::move(keys),
+                                     std::move(stores));
   ISOMATCH_RETURN_IF_ERROR(impl->Listen());
   return std::unique_ptr<Server>(new Server(std::move(impl)));
 }

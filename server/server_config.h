@@ -15,8 +15,20 @@ struct ServerConfig {
   /// HOST:PORT or unix:PATH; port 0 picks a free one. Empty: no port at all,
   /// the server is reached by Server::InProcessChannel only.
   std::string listen = "127.0.0.1:7443";
-  /// Allows a `listen` that other machines can reach, without encryption.
+  /// Allows a `listen` that other machines can reach without TLS or API keys.
   bool insecure = false;
+
+  // Who may call; paths of files, none when empty.
+
+  /// PEM: the certificate chain, and its key. Both or none; with them the port,
+  /// if there is one, speaks TLS.
+  std::string tls_cert;
+  std::string tls_key;
+  /// PEM: clients must show a certificate of one of these authorities.
+  std::string tls_client_ca;
+  /// Lines `name tenant role sha256`; every call must come with one of these
+  /// keys. Without them everybody is the default Caller.
+  std::string api_keys;
 
   // What it may use.
 

@@ -9,6 +9,8 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "core/base/version.h"
+#include "server/jobs/caller.h"
+#include "server/new_api_key.h"
 
 namespace isomatch {
 namespace {
@@ -23,8 +25,11 @@ Examples:
       One job at a time, all cores, reachable from this machine only.
   isomatch-server --workers 4 --memory-budget 12GiB --max-queued-jobs 1000
       Four jobs side by side in at most 12 GiB.
-  isomatch-server --listen 0.0.0.0:7443 --insecure
-      Open to the network, unencrypted: put a TLS proxy in front.
+  isomatch-server --new-api-key alice --tenant lab >> keys.txt 2> alice.key
+      A fresh key: its line for the server, the key itself for alice.
+  isomatch-server --listen 0.0.0.0:7443 --tls-cert server.crt \
+                  --tls-key server.key --api-keys keys.txt
+      Open to the network, encrypted, for those who have a key.
   isomatch match --server 127.0.0.1:7443 x.off y.off -o map.txt
       Sends a first job.
 
@@ -46,14 +51,59 @@ CLI::Option* AddDurationOption(CLI::App& app, const std::string& name,
       ->default_str(absl::FormatDuration(duration));
 }
 
+/// What CLI11 tells the user about a name that is none; empty when it is.
+std::string CheckTenantName(const std::string& name) {
+  if (IsTenantName(name)) return "";
+  return absl::StrCat("'", name, "', expected 1 to 63 of a-z, 0-9, - and _");
+}
+
 void AddNetworkFlags(CLI::App& app, ServerConfig& config) {
   app.add_option("--listen", config.listen,
                  "HOST:PORT or unix:PATH; port 0 picks a free one")
       ->capture_default_str()
       ->group("Network");
   app.add_flag("--insecure", config.insecure,
-               "Allow --listen beyond this machine without encryption")
+               "Allow --listen beyond this machine without TLS or API keys")
       ->group("Network");
+}
+
+void AddSecurityFlags(CLI::App& app, ServerConfig& config) {
+  app.add_option("--tls-cert", config.tls_cert,
+                 "PEM file of the certificate and its chain; read again when "
+                 "it changes, as the other files are")
+      ->group("Security");
+  app.add_option("--tls-key", config.tls_key,
+                 "PEM file of its private key, without password")
+      ->group("Security");
+  app.add_option("--tls-client-ca", config.tls_client_ca,
+                 "PEM file of authorities: clients must show a certificate of "
+                 "one of them")
+      ->group("Security");
+  app.add_option("--api-keys", config.api_keys,
+                 "File of lines `name tenant role sha256`: calls must come "
+                 "with one of these keys")
+      ->group("Security");
+}
+
+void AddNewKeyFlags(CLI::App& app, NewApiKeyRequest& request) {
+  CLI::Option* name =
+      app.add_option("--new-api-key", request.name,
+                     "Make a key of this name: its line for --api-keys goes "
+                     "to standard output, the key to standard error, then exit")
+          ->check(CLI::Validator(CheckTenantName, "NAME"))
+          ->group("Security");
+  app.add_option("--tenant", request.tenant,
+                 "Of the new key: whose jobs and meshes it sees")
+      ->check(CLI::Validator(CheckTenantName, "NAME"))
+      ->needs(name)
+      ->capture_default_str()
+      ->group("Security");
+  app.add_option("--role", request.role,
+                 "Of the new key: read, submit or admin")
+      ->check(CLI::IsMember({"read", "submit", "admin"}))
+      ->needs(name)
+      ->capture_default_str()
+      ->group("Security");
 }
 
 void AddResourceFlags(CLI::App& app, ServerConfig& config) {
@@ -134,7 +184,10 @@ std::optional<int> ParseServerFlags(int argc, const char* const* argv,
   constexpr int kWrongFlags = 2;
   CLI::App app(kDescription, "isomatch-server");
   app.footer(kFooter);
+  NewApiKeyRequest new_key;
   AddNetworkFlags(app, config);
+  AddSecurityFlags(app, config);
+  AddNewKeyFlags(app, new_key);
   AddResourceFlags(app, config);
   AddStorageFlags(app, config);
   AddLimitFlags(app, config);
@@ -143,6 +196,9 @@ std::optional<int> ParseServerFlags(int argc, const char* const* argv,
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : kWrongFlags;
+  }
+  if (!new_key.name.empty()) {
+    return PrintNewApiKey(new_key, std::cout, std::cerr);
   }
   const absl::Status valid = config.Validate();
   if (valid.ok()) return std::nullopt;

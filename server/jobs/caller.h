@@ -1,6 +1,9 @@
 #pragma once
 
+#include <optional>
 #include <string>
+
+#include "absl/strings/string_view.h"
 
 namespace isomatch {
 
@@ -17,5 +20,12 @@ struct Caller {
   std::string tenant = "default";
   Role role = Role::kAdmin;
 };
+
+/// read, submit or admin; the inverse returns nullopt for anything else.
+std::string RoleName(Role role);
+std::optional<Role> ParseRole(absl::string_view name);
+
+/// True for 1 to 63 of a-z, 0-9, - and _: what names of tenants and keys are.
+bool IsTenantName(absl::string_view name);
 
 }  // namespace isomatch

@@ -72,6 +72,24 @@ absl::Status Timeout(absl::string_view reason, absl::string_view what,
 
 }  // namespace
 
+absl::Status ApiKeyMissing() {
+  return Make(absl::StatusCode::kUnauthenticated, "API_KEY_MISSING",
+              "this server wants an API key, in the metadata "
+              "`authorization: Bearer KEY` or `api-key: KEY`");
+}
+
+absl::Status ApiKeyWrong() {
+  return Make(absl::StatusCode::kUnauthenticated, "API_KEY_WRONG",
+              "the API key of this call is none of this server's");
+}
+
+absl::Status RoleTooLow(Role role, Role needed) {
+  return Make(absl::StatusCode::kPermissionDenied, "ROLE_TOO_LOW",
+              absl::StrCat("the API key has the role ", RoleName(role),
+                           ", this call needs ", RoleName(needed)),
+              {{"role", RoleName(role)}, {"needed", RoleName(needed)}});
+}
+
 absl::Status InvalidField(const std::string& field,
                           const std::string& problem) {
   return Invalid("INVALID_FIELD", field, problem);

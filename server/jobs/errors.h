@@ -8,6 +8,7 @@
 #include "absl/status/status.h"
 #include "absl/strings/string_view.h"
 #include "absl/time/time.h"
+#include "server/jobs/caller.h"
 #include "server/storage/job_record.h"
 
 namespace isomatch {
@@ -15,6 +16,12 @@ namespace isomatch {
 // Every error that the service sends, one function each; the table of their
 // reasons is in proto/README.md. They live in this layer because a failed job
 // keeps its reason too; server/rpc/grpc_status turns them into gRPC's.
+
+// Who calls. No message has any of a key.
+
+absl::Status ApiKeyMissing();                     // UNAUTHENTICATED
+absl::Status ApiKeyWrong();                       // UNAUTHENTICATED
+absl::Status RoleTooLow(Role role, Role needed);  // PERMISSION_DENIED
 
 // INVALID_ARGUMENT: the request has to change. `field` is the path from the
 // request, e.g. "landmarks[3].x"; `problem` says what was found and expected.

@@ -15,6 +15,7 @@
 #include "server/rpc/create_job.h"
 #include "server/rpc/download_result.h"
 #include "server/rpc/grpc_status.h"
+#include "server/rpc/refused.h"
 #include "server/rpc/upload_mesh.h"
 #include "server/rpc/watch_job.h"
 
@@ -125,82 +126,125 @@ absl::Status Delete(const v1::DeleteJobRequest& request, const Caller& caller,
   return manager.Delete(caller, id);
 }
 
+void SetInformation(const ServiceContext& context, const Caller& caller,
+                    v1::GetServerInfoResponse& response) {
+  const JobManager::Load load = context.manager->load();
+  response.set_version(kVersion);
+  SetLimits(context.parse.limits, *response.mutable_limits());
+  response.set_workers(static_cast<std::uint32_t>(context.workers));
+  response.set_threads_per_job(
+      static_cast<std::uint32_t>(context.parse.threads_per_job));
+  response.set_queued_jobs(static_cast<std::uint32_t>(load.queued_jobs));
+  response.set_running_jobs(static_cast<std::uint32_t>(load.running_jobs));
+  response.set_memory_budget_bytes(
+      static_cast<std::uint64_t>(context.budget->total_bytes()));
+  response.set_memory_reserved_bytes(
+      static_cast<std::uint64_t>(context.budget->reserved_bytes()));
+  response.set_draining(load.draining);
+  response.set_durable(context.durable);
+  response.mutable_job_retention()->set_seconds(
+      absl::ToInt64Seconds(context.job_retention));
+  response.set_tenant(caller.tenant);
+}
+
 }  // namespace
+
+template <typename Answer>
+grpc::ServerUnaryReactor* CorrespondenceService::Respond(
+    grpc::CallbackServerContext* call, Role needed, const Answer& answer) {
+  const auto caller = context_.access->Identify(*call, needed);
+  return Finish(call, caller.ok() ? answer(*caller) : caller.status());
+}
 
 grpc::ServerUnaryReactor* CorrespondenceService::GetServerInfo(
     grpc::CallbackServerContext* call, const v1::GetServerInfoRequest*,
     v1::GetServerInfoResponse* response) {
-  const JobManager::Load load = context_.manager->load();
-  response->set_version(kVersion);
-  SetLimits(context_.parse.limits, *response->mutable_limits());
-  response->set_workers(static_cast<std::uint32_t>(context_.workers));
-  response->set_threads_per_job(
-      static_cast<std::uint32_t>(context_.parse.threads_per_job));
-  response->set_queued_jobs(static_cast<std::uint32_t>(load.queued_jobs));
-  response->set_running_jobs(static_cast<std::uint32_t>(load.running_jobs));
-  response->set_memory_budget_bytes(
-      static_cast<std::uint64_t>(context_.budget->total_bytes()));
-  response->set_memory_reserved_bytes(
-      static_cast<std::uint64_t>(context_.budget->reserved_bytes()));
-  response->set_draining(load.draining);
-  response->set_durable(context_.durable);
-  response->mutable_job_retention()->set_seconds(
-      absl::ToInt64Seconds(context_.job_retention));
-  return Finish(call, absl::OkStatus());
+  return Respond(call, Role::kRead, [&](const Caller& caller) {
+    SetInformation(context_, caller, *response);
+    return absl::OkStatus();
+  });
 }
 
 grpc::ServerReadReactor<v1::UploadMeshRequest>*
-CorrespondenceService::UploadMesh(grpc::CallbackServerContext*,
+CorrespondenceService::UploadMesh(grpc::CallbackServerContext* call,
                                   v1::UploadMeshResponse* response) {
-  return StartUploadMesh(context_, response);
+  const auto caller = context_.access->Identify(*call, Role::kSubmit);
+  if (!caller.ok()) {
+    return new Refused<grpc::ServerReadReactor<v1::UploadMeshRequest>>(
+        caller.status());
+  }
+  return StartUploadMesh(context_, *caller, response);
 }
 
 grpc::ServerUnaryReactor* CorrespondenceService::FindMissingMeshes(
     grpc::CallbackServerContext* call,
     const v1::FindMissingMeshesRequest* request,
     v1::FindMissingMeshesResponse* response) {
-  return Finish(call, FindMissing(*request, context_, Caller(), *response));
+  return Respond(call, Role::kRead, [&](const Caller& caller) {
+    return FindMissing(*request, context_, caller, *response);
+  });
 }
 
 grpc::ServerUnaryReactor* CorrespondenceService::CreateJob(
     grpc::CallbackServerContext* call, const v1::CreateJobRequest* request,
     v1::CreateJobResponse* response) {
-  return StartCreateJob(context_, call, request, response);
+  const auto caller = context_.access->Identify(*call, Role::kSubmit);
+  if (!caller.ok()) return Finish(call, caller.status());
+  return StartCreateJob(context_, *caller, call, request, response);
 }
 
 grpc::ServerUnaryReactor* CorrespondenceService::GetJob(
     grpc::CallbackServerContext* call, const v1::GetJobRequest* request,
     v1::GetJobResponse* response) {
-  return Finish(call, Get(*request, Caller(), *context_.manager, *response));
+  return Respond(call, Role::kRead, [&](const Caller& caller) {
+    return Get(*request, caller, *context_.manager, *response);
+  });
 }
 
 grpc::ServerWriteReactor<v1::WatchJobResponse>* CorrespondenceService::WatchJob(
-    grpc::CallbackServerContext*, const v1::WatchJobRequest* request) {
-  return StartWatchJob(context_, *request);
+    grpc::CallbackServerContext* call, const v1::WatchJobRequest* request) {
+  const auto caller = context_.access->Identify(*call, Role::kRead);
+  if (!caller.ok()) {
+    return new Refused<grpc::ServerWriteReactor<v1::WatchJobResponse>>(
+        caller.status());
+  }
+  return StartWatchJob(context_, *caller, *request);
 }
 
 grpc::ServerUnaryReactor* CorrespondenceService::ListJobs(
     grpc::CallbackServerContext* call, const v1::ListJobsRequest* request,
     v1::ListJobsResponse* response) {
-  return Finish(call, List(*request, Caller(), *context_.manager, *response));
+  return Respond(call, Role::kRead, [&](const Caller& caller) {
+    return List(*request, caller, *context_.manager, *response);
+  });
 }
 
 grpc::ServerUnaryReactor* CorrespondenceService::CancelJob(
     grpc::CallbackServerContext* call, const v1::CancelJobRequest* request,
     v1::CancelJobResponse* response) {
-  return Finish(call, Cancel(*request, Caller(), *context_.manager, *response));
+  return Respond(call, Role::kSubmit, [&](const Caller& caller) {
+    return Cancel(*request, caller, *context_.manager, *response);
+  });
 }
 
 grpc::ServerUnaryReactor* CorrespondenceService::DeleteJob(
     grpc::CallbackServerContext* call, const v1::DeleteJobRequest* request,
     v1::DeleteJobResponse*) {
-  return Finish(call, Delete(*request, Caller(), *context_.manager));
+  return Respond(call, Role::kSubmit, [&](const Caller& caller) {
+    return Delete(*request, caller, *context_.manager);
+  });
 }
 
 grpc::ServerWriteReactor<v1::DownloadResultResponse>*
 CorrespondenceService::DownloadResult(
-    grpc::CallbackServerContext*, const v1::DownloadResultRequest* request) {
-  return StartDownloadResult(context_, *request);
+    grpc::CallbackServerContext* call,
+    const v1::DownloadResultRequest* request) {
+  const auto caller = context_.access->Identify(*call, Role::kRead);
+  if (!caller.ok()) {
+    return new Refused<grpc::ServerWriteReactor<v1::DownloadResultResponse>>(
+        caller.status());
+  }
+  return StartDownloadResult(context_, *caller, *request);
 }
 
 }  // namespace isomatch

@@ -5,8 +5,9 @@
 
 namespace isomatch {
 
-/// The RPCs of isomatch.v1: each parses its request, asks the manager, converts
-/// the answer. Those with a life of their own are in files of their names.
+/// The RPCs of isomatch.v1: each asks who calls, parses its request, asks the
+/// manager, converts the answer. Those with a life of their own are in files of
+/// their names.
 class CorrespondenceService final
     : public v1::CorrespondenceService::CallbackService {
  public:
@@ -46,6 +47,12 @@ class CorrespondenceService final
       const v1::DownloadResultRequest* request) override;
 
  private:
+  /// Ends the call with what `answer`, a function of the Caller, returns; with
+  /// an error when the caller may not.
+  template <typename Answer>
+  grpc::ServerUnaryReactor* Respond(grpc::CallbackServerContext* call,
+                                    Role needed, const Answer& answer);
+
   const ServiceContext context_;
 };
 

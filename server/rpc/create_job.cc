@@ -19,10 +19,10 @@ namespace isomatch {
 namespace {
 
 absl::StatusOr<JobSnapshot> Create(const ServiceContext& context,
+                                   const Caller& caller,
                                    const v1::CreateJobRequest& request) {
   const std::string sha256 =
       request.request_id().empty() ? "" : RequestSha256(request);
-  const Caller caller;
   ISOMATCH_ASSIGN_OR_RETURN(
       const std::optional<JobSnapshot> before,
       context.manager->FindRequest(caller, request.request_id(), sha256));
@@ -35,9 +35,10 @@ absl::StatusOr<JobSnapshot> Create(const ServiceContext& context,
 }
 
 absl::StatusOr<JobSnapshot> CreateWithinMemory(
-    const ServiceContext& context, const v1::CreateJobRequest& request) {
+    const ServiceContext& context, const Caller& caller,
+    const v1::CreateJobRequest& request) {
   try {
-    return Create(context, request);
+    return Create(context, caller, request);
   } catch (const std::bad_alloc&) {  // a mesh that does not fit now
     return OutOfMemory();
   }
@@ -46,13 +47,14 @@ absl::StatusOr<JobSnapshot> CreateWithinMemory(
 }  // namespace
 
 grpc::ServerUnaryReactor* StartCreateJob(const ServiceContext& context,
+                                         const Caller& caller,
                                          grpc::CallbackServerContext* call,
                                          const v1::CreateJobRequest* request,
                                          v1::CreateJobResponse* response) {
   grpc::ServerUnaryReactor* reactor = call->DefaultReactor();
   if (!request->validate_only()) {
     const absl::Status place =
-        context.manager->CheckPlace(Caller(), request->request_id());
+        context.manager->CheckPlace(caller, request->request_id());
     if (!place.ok()) {
       reactor->Finish(ToGrpc(place));
       return reactor;
@@ -66,8 +68,8 @@ grpc::ServerUnaryReactor* StartCreateJob(const ServiceContext& context,
   }
   const auto held =
       std::make_shared<MemoryBudget::Reservation>(*std::move(reserved));
-  context.intake->Post([&context, reactor, request, response, held] {
-    const auto snapshot = CreateWithinMemory(context, *request);
+  context.intake->Post([&context, caller, reactor, request, response, held] {
+    const auto snapshot = CreateWithinMemory(context, caller, *request);
     if (snapshot.ok()) *response->mutable_job() = ToProto(*snapshot);
     reactor->Finish(ToGrpc(snapshot.status()));
   });

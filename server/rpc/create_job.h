@@ -7,10 +7,11 @@
 
 namespace isomatch {
 
-/// Decodes, checks and accepts the job on the intake executor, then finishes
-/// the call. `request` and `response` live until then. A request whose
+/// Decodes, checks and accepts the caller's job on the intake executor, then
+/// finishes the call. `request` and `response` live until then. A request whose
 /// request_id is known is answered without looking at its meshes.
 grpc::ServerUnaryReactor* StartCreateJob(const ServiceContext& context,
+                                         const Caller& caller,
                                          grpc::CallbackServerContext* call,
                                          const v1::CreateJobRequest* request,
                                          v1::CreateJobResponse* response);

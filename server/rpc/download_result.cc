@@ -16,11 +16,11 @@ namespace {
 constexpr size_t kChunkBytes = size_t{256} << 10;
 
 absl::StatusOr<JobPart> FindRequested(
-    const ServiceContext& context, const v1::DownloadResultRequest& request) {
+    const ServiceContext& context, const Caller& caller,
+    const v1::DownloadResultRequest& request) {
   ISOMATCH_ASSIGN_OR_RETURN(const std::string id, ParseJobName(request.name()));
   ISOMATCH_ASSIGN_OR_RETURN(const ResultPart wanted,
                             ParseResultPart(request.part(), "part"));
-  const Caller caller;
   ISOMATCH_ASSIGN_OR_RETURN(JobPart found,
                             context.manager->GetPart(caller, id, wanted));
   if (request.offset() > found.bytes->size()) {
@@ -77,8 +77,10 @@ class DownloadReactor final
 }  // namespace
 
 grpc::ServerWriteReactor<v1::DownloadResultResponse>* StartDownloadResult(
-    const ServiceContext& context, const v1::DownloadResultRequest& request) {
-  return new DownloadReactor(FindRequested(context, request), request.offset());
+    const ServiceContext& context, const Caller& caller,
+    const v1::DownloadResultRequest& request) {
+  return new DownloadReactor(FindRequested(context, caller, request),
+                             request.offset());
 }
 
 }  // namespace isomatch

@@ -7,9 +7,10 @@
 
 namespace isomatch {
 
-/// Streams a part of a job's result: the header, then chunks from the offset
-/// on.
+/// Streams a part of the result of a job that the caller may see: the header,
+/// then chunks from the offset on.
 grpc::ServerWriteReactor<v1::DownloadResultResponse>* StartDownloadResult(
-    const ServiceContext& context, const v1::DownloadResultRequest& request);
+    const ServiceContext& context, const Caller& caller,
+    const v1::DownloadResultRequest& request);
 
 }  // namespace isomatch

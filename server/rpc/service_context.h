@@ -5,6 +5,7 @@
 #include "server/jobs/executor.h"
 #include "server/jobs/job_manager.h"
 #include "server/jobs/memory_budget.h"
+#include "server/rpc/access.h"
 #include "server/storage/blob_store.h"
 
 namespace isomatch {
@@ -17,6 +18,8 @@ inline constexpr absl::Duration kRetryDraining = absl::Seconds(10);
 
 /// What the RPCs work with. All of it outlives the gRPC server.
 struct ServiceContext {
+  /// Asked before anything else, by every RPC.
+  const Access* access;
   JobManager* manager;
   BlobStore* blobs;
   MemoryBudget* budget;

@@ -22,8 +22,9 @@ namespace {
 /// What has come of one upload. Not thread-safe.
 class Upload {
  public:
-  Upload(const ServiceContext& context, v1::UploadMeshResponse* response)
-      : context_(context), response_(*response) {}
+  Upload(const ServiceContext& context, Caller caller,
+         v1::UploadMeshResponse* response)
+      : context_(context), caller_(std::move(caller)), response_(*response) {}
 
   /// Takes the next message.
   absl::Status Take(const v1::UploadMeshRequest& request) {
@@ -49,7 +50,7 @@ class Upload {
       return DigestMismatch(digest.sha256(), found);
     }
     if (context_.blobs
-            ->Put({Caller().tenant, found}, std::move(bytes_), Keep::kWhileRoom)
+            ->Put({caller_.tenant, found}, std::move(bytes_), Keep::kWhileRoom)
             .ok()) {
       return absl::OkStatus();
     }
@@ -63,8 +64,7 @@ class Upload {
         ValidateDigest(digest, "header", context_.parse.limits));
     begun_ = true;
     *response_.mutable_digest() = digest;
-    response_.set_known(
-        context_.blobs->Has({Caller().tenant, digest.sha256()}));
+    response_.set_known(context_.blobs->Has({caller_.tenant, digest.sha256()}));
     if (response_.known()) return absl::OkStatus();
     auto reservation = context_.uploads->Reserve(
         static_cast<std::int64_t>(digest.size_bytes()));
@@ -98,6 +98,7 @@ class Upload {
   }
 
   const ServiceContext& context_;
+  const Caller caller_;
   v1::UploadMeshResponse& response_;
   bool begun_ = false;
   MemoryBudget::Reservation reservation_;
@@ -120,9 +121,9 @@ class UploadMeshReactor final
     : public grpc::ServerReadReactor<v1::UploadMeshRequest>,
       public std::enable_shared_from_this<UploadMeshReactor> {
  public:
-  UploadMeshReactor(const ServiceContext& context,
+  UploadMeshReactor(const ServiceContext& context, const Caller& caller,
                     v1::UploadMeshResponse* response)
-      : context_(context), upload_(context, response) {}
+      : context_(context), upload_(context, caller, response) {}
 
   void Begin() {
     self_ = shared_from_this();
@@ -199,10 +200,11 @@ class UploadMeshReactor final
 }  // namespace
 
 grpc::ServerReadReactor<v1::UploadMeshRequest>* StartUploadMesh(
-    const ServiceContext& context, v1::UploadMeshResponse* response) {
+    const ServiceContext& context, const Caller& caller,
+    v1::UploadMeshResponse* response) {
   // Not make_shared: the weak reference of the alarm would keep its memory.
   const std::shared_ptr<UploadMeshReactor> reactor(
-      new UploadMeshReactor(context, response));
+      new UploadMeshReactor(context, caller, response));
   reactor->Begin();
   return reactor.get();
 }

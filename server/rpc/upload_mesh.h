@@ -7,8 +7,9 @@
 
 namespace isomatch {
 
-/// Takes one mesh in chunks and stores it; see service.proto.
+/// Takes one mesh of the caller in chunks and stores it; see service.proto.
 grpc::ServerReadReactor<v1::UploadMeshRequest>* StartUploadMesh(
-    const ServiceContext& context, v1::UploadMeshResponse* response);
+    const ServiceContext& context, const Caller& caller,
+    v1::UploadMeshResponse* response);
 
 }  // namespace isomatch

@@ -13,6 +13,7 @@
 #include "server/convert/job_proto.h"
 #include "server/jobs/errors.h"
 #include "server/rpc/grpc_status.h"
+#include "server/rpc/refused.h"
 
 namespace isomatch {
 namespace {
@@ -36,9 +37,12 @@ class WatchJobReactor final
       public JobWatcher,
       public std::enable_shared_from_this<WatchJobReactor> {
  public:
-  WatchJobReactor(const ServiceContext& context, std::string id,
+  WatchJobReactor(const ServiceContext& context, Caller caller, std::string id,
                   std::uint64_t after_sequence)
-      : context_(context), id_(std::move(id)), last_sequence_(after_sequence) {}
+      : context_(context),
+        caller_(std::move(caller)),
+        id_(std::move(id)),
+        last_sequence_(after_sequence) {}
 
   void Begin() {
     self_ = shared_from_this();
@@ -95,7 +99,7 @@ class WatchJobReactor final
   }
 
   void Pump(bool heartbeat) {
-    const auto snapshot = context_.manager->Get(Caller(), id_);
+    const auto snapshot = context_.manager->Get(caller_, id_);
     if (!snapshot.ok()) return FinishOnce(ToGrpc(snapshot.status()));
     v1::Job job = ToProto(*snapshot);
     const bool terminal = IsTerminal(snapshot->record.state);
@@ -129,6 +133,7 @@ class WatchJobReactor final
   }
 
   const ServiceContext& context_;
+  const Caller caller_;
   const std::string id_;
   std::shared_ptr<WatchJobReactor> self_;
   grpc::Alarm alarm_;
@@ -147,23 +152,19 @@ class WatchJobReactor final
   v1::WatchJobResponse response_;
 };
 
-/// A watch that could not begin.
-class RefusedWatch final
-    : public grpc::ServerWriteReactor<v1::WatchJobResponse> {
- public:
-  explicit RefusedWatch(const absl::Status& status) { Finish(ToGrpc(status)); }
-  void OnDone() override { delete this; }
-};
-
 }  // namespace
 
 grpc::ServerWriteReactor<v1::WatchJobResponse>* StartWatchJob(
-    const ServiceContext& context, const v1::WatchJobRequest& request) {
+    const ServiceContext& context, const Caller& caller,
+    const v1::WatchJobRequest& request) {
   const auto id = ParseJobName(request.name());
-  if (!id.ok()) return new RefusedWatch(id.status());
+  if (!id.ok()) {
+    return new Refused<grpc::ServerWriteReactor<v1::WatchJobResponse>>(
+        id.status());
+  }
   // Not make_shared: the weak references of an alarm would keep its memory.
   const std::shared_ptr<WatchJobReactor> reactor(
-      new WatchJobReactor(context, *id, request.after_sequence()));
+      new WatchJobReactor(context, caller, *id, request.after_sequence()));
   reactor->Begin();
   return reactor.get();
 }

@@ -7,8 +7,10 @@
 
 namespace isomatch {
 
-/// Streams snapshots of a job until it is terminal; see service.proto.
+/// Streams snapshots of a job that the caller may see until it is terminal; see
+/// service.proto.
 grpc::ServerWriteReactor<v1::WatchJobResponse>* StartWatchJob(
-    const ServiceContext& context, const v1::WatchJobRequest& request);
+    const ServiceContext& context, const Caller& caller,
+    const v1::WatchJobRequest& request);
 
 }  // namespace isomatch

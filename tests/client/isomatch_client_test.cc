@@ -10,6 +10,7 @@
 #include <gtest/gtest.h>
 
 #include "absl/time/clock.h"
+#include "client/connection.h"
 #include "tests/client/tcp_proxy.h"
 #include "tests/server/test_server.h"
 #include "tests/support/matchers.h"

@@ -63,6 +63,13 @@ std::string ChildProcess::ReadUntil(const std::string& text) {
   return "";
 }
 
+std::string ChildProcess::ReadAll() {
+  std::string text;
+  char line[4096];
+  while (fgets(line, sizeof(line), errors_) != nullptr) text += line;
+  return text;
+}
+
 void ChildProcess::Signal(int signal) const { kill(id_, signal); }
 
 int ChildProcess::ExitStatus() {

@@ -25,6 +25,9 @@ class ChildProcess {
   /// test when none has.
   std::string ReadUntil(const std::string& text);
 
+  /// Reads to the end, which comes when the process ends.
+  std::string ReadAll();
+
   void Signal(int signal) const;
 
   /// Waits for its end. -1 when a signal killed it.

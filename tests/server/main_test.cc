@@ -20,6 +20,7 @@ namespace isomatch {
 namespace {
 
 using testing::HasSubstr;
+using testing::Not;
 
 std::unique_ptr<v1::CorrespondenceService::Stub> Connect(
     const std::string& address) {
@@ -139,6 +140,44 @@ TEST(MainTest, WrongFlagsEndWithStatusTwo) {
   ChildProcess server(ISOMATCH_SERVER_BINARY, {"--listen", "0.0.0.0:0"});
   EXPECT_THAT(server.ReadUntil("--listen"), HasSubstr("--insecure"));
   EXPECT_EQ(server.ExitStatus(), 2);
+}
+
+TEST(MainTest, FilesThatAreWrongEndWithStatusOne) {
+  ChildProcess server(ISOMATCH_SERVER_BINARY,
+                      {"--listen", "127.0.0.1:0", "--api-keys", "/none"});
+  EXPECT_THAT(server.ReadUntil("--api-keys = /none, expected "),
+              HasSubstr("No such file"));
+  EXPECT_EQ(server.ExitStatus(), 1);
+}
+
+TEST(MainTest, AKeyItMadeOpensItAndIsNeverInTheLog) {
+  const TemporaryFolder folder;
+  const std::string file = folder.Path("keys.txt");
+  ChildProcess maker(ISOMATCH_SERVER_BINARY, {"--new-api-key", "alice"}, file);
+  maker.ReadUntil("# The API key of alice");
+  const std::string key = "isomatch_" + maker.ReadUntil("isomatch_");
+  EXPECT_EQ(maker.ExitStatus(), 0);
+  ServerProcess server(ISOMATCH_SERVER_BINARY,
+                       {"--api-keys", file, "--log-level", "trace"});
+  const auto stub = Connect(server.address);
+  for (const std::string& sent : {key, key + "x"}) {
+    grpc::ClientContext context;
+    context.AddMetadata("authorization", "Bearer " + sent);
+    v1::GetServerInfoResponse info;
+    EXPECT_EQ(stub->GetServerInfo(&context, {}, &info).ok(), sent == key);
+  }
+  // What the reload says has no key either, nor the line that is wrong.
+  folder.Write("keys.txt", "alice default submit " + key);
+  absl::SleepFor(absl::Seconds(1));
+  grpc::ClientContext context;
+  context.AddMetadata("api-key", key);
+  v1::GetServerInfoResponse info;
+  EXPECT_TRUE(stub->GetServerInfo(&context, {}, &info).ok());
+  server.process.Signal(SIGTERM);
+  const std::string log = server.process.ReadAll();
+  EXPECT_THAT(log, HasSubstr("those before stay: --api-keys = " + file +
+                             ": line 1, expected"));
+  EXPECT_THAT(log, Not(HasSubstr(key.substr(9, 12))));
 }
 
 }  // namespace

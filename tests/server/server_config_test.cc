@@ -14,6 +14,8 @@ namespace {
 
 using testing::AllOf;
 using testing::HasSubstr;
+using testing::MatchesRegex;
+using testing::Not;
 
 constexpr auto kInvalid = absl::StatusCode::kInvalidArgument;
 
@@ -28,12 +30,47 @@ TEST(ServerConfigTest, NamesFieldValueAndRange) {
               StatusIs(kInvalid, HasSubstr("--workers = 0, expected 1 to")));
 }
 
-TEST(ServerConfigTest, ListensBeyondThisMachineOnlyWhenTold) {
+TEST(ServerConfigTest, ListensBeyondThisMachineOnlyWithTlsAndKeysOrWhenTold) {
   ServerConfig config;
   config.listen = "0.0.0.0:7443";
-  EXPECT_THAT(config.Validate(), StatusIs(kInvalid, HasSubstr("--insecure")));
+  EXPECT_THAT(config.Validate(),
+              StatusIs(kInvalid, AllOf(HasSubstr("without TLS"),
+                                       HasSubstr("without API keys"),
+                                       HasSubstr("--insecure"))));
+  ServerConfig keys_only = config;
+  keys_only.api_keys = "keys.txt";
+  EXPECT_THAT(keys_only.Validate(),
+              StatusIs(kInvalid, AllOf(HasSubstr("without TLS"),
+                                       Not(HasSubstr("without API keys")))));
+  ServerConfig tls_only = config;
+  tls_only.tls_cert = "server.crt";
+  tls_only.tls_key = "server.key";
+  tls_only.tls_client_ca = "ca.crt";
+  EXPECT_THAT(tls_only.Validate(),
+              StatusIs(kInvalid, AllOf(Not(HasSubstr("without TLS")),
+                                       HasSubstr("without API keys"))));
+  tls_only.api_keys = "keys.txt";
+  EXPECT_THAT(tls_only.Validate(), IsOk());
   config.insecure = true;
   EXPECT_THAT(config.Validate(), IsOk());
+}
+
+TEST(ServerConfigTest, CertificateAndKeyBelongTogether) {
+  ServerConfig config;
+  config.tls_cert = "server.crt";
+  EXPECT_THAT(config.Validate(),
+              StatusIs(kInvalid, HasSubstr("--tls-cert = server.crt without "
+                                           "--tls-key, expected")));
+  config = ServerConfig();
+  config.tls_key = "server.key";
+  EXPECT_THAT(config.Validate(),
+              StatusIs(kInvalid, HasSubstr("--tls-key = server.key without "
+                                           "--tls-cert, expected")));
+  config = ServerConfig();
+  config.tls_client_ca = "ca.crt";
+  EXPECT_THAT(config.Validate(),
+              StatusIs(kInvalid, HasSubstr("--tls-client-ca = ca.crt without "
+                                           "--tls-cert, expected")));
 }
 
 TEST(ServerConfigTest, KnowsLoopbackAddresses) {
@@ -43,8 +80,9 @@ TEST(ServerConfigTest, KnowsLoopbackAddresses) {
     config.listen = listen;
     EXPECT_THAT(config.Validate(), IsOk()) << listen;
   }
-  for (const char* listen : {"127.0.0.1", ":80", "localhost:65536",
-                             "localhost:x", "example.org:80"}) {
+  for (const char* listen :
+       {"127.0.0.1", ":80", "localhost:65536", "localhost:x", "example.org:80",
+        "127.0.0.1.example.org:80", "0.0.0.0:0"}) {
     config.listen = listen;
     EXPECT_FALSE(config.Validate().ok()) << listen;
   }
@@ -73,14 +111,46 @@ TEST(ServerFlagsTest, ANumberWithoutUnitIsSeconds) {
   EXPECT_EQ(config.drain_timeout, absl::Seconds(7));
 }
 
+TEST(ServerFlagsTest, FilesOfSecurityAreRead) {
+  ServerConfig config;
+  EXPECT_EQ(Parse({"--listen", "0.0.0.0:1", "--tls-cert", "a", "--tls-key", "b",
+                   "--tls-client-ca", "c", "--api-keys", "d"},
+                  config),
+            std::nullopt);
+  EXPECT_EQ(config.tls_cert, "a");
+  EXPECT_EQ(config.tls_key, "b");
+  EXPECT_EQ(config.tls_client_ca, "c");
+  EXPECT_EQ(config.api_keys, "d");
+}
+
+TEST(ServerFlagsTest, ANewKeyGoesToErrorsAndItsLineToOutput) {
+  ServerConfig config;
+  testing::internal::CaptureStdout();
+  testing::internal::CaptureStderr();
+  EXPECT_EQ(
+      Parse({"--new-api-key", "alice", "--tenant", "lab", "--role", "read"},
+            config),
+      0);
+  EXPECT_THAT(testing::internal::GetCapturedStdout(),
+              MatchesRegex("alice lab read [0-9a-f]{64}\n"));
+  EXPECT_THAT(testing::internal::GetCapturedStderr(),
+              MatchesRegex("#[^\n]*\nisomatch_[A-Za-z0-9_-]{43}\n"));
+}
+
 TEST(ServerFlagsTest, WrongOnesEndWithStatusTwo) {
   for (const std::vector<const char*>& flags :
-       std::vector<std::vector<const char*>>{{"--wrong"},
-                                             {"--workers", "0"},
-                                             {"--workers", "x"},
-                                             {"--drain-timeout", "soon"},
-                                             {"--log-level", "loud"},
-                                             {"--listen", "0.0.0.0:1"}}) {
+       std::vector<std::vector<const char*>>{
+           {"--wrong"},
+           {"--workers", "0"},
+           {"--workers", "x"},
+           {"--drain-timeout", "soon"},
+           {"--log-level", "loud"},
+           {"--listen", "0.0.0.0:1"},
+           {"--tls-cert", "a"},
+           {"--new-api-key", "Al ice"},
+           {"--new-api-key", ""},
+           {"--tenant", "lab"},
+           {"--new-api-key", "a", "--role", "root"}}) {
     ServerConfig config;
     EXPECT_EQ(Parse(flags, config), 2) << flags[0];
   }

@@ -31,6 +31,22 @@ TEST(ErrorsTest, OnesThatPassTellWhenToTryAgain) {
             absl::Milliseconds(1500));
 }
 
+TEST(ErrorsTest, ThoseOfAccessTellWhatIsMissing) {
+  EXPECT_THAT(ApiKeyMissing(), StatusIs(absl::StatusCode::kUnauthenticated,
+                                        HasSubstr("authorization: Bearer")));
+  EXPECT_EQ(DetailsOf(ApiKeyMissing()).reason, "API_KEY_MISSING");
+  EXPECT_EQ(ApiKeyWrong().code(), absl::StatusCode::kUnauthenticated);
+  EXPECT_EQ(DetailsOf(ApiKeyWrong()).reason, "API_KEY_WRONG");
+  const absl::Status low = RoleTooLow(Role::kRead, Role::kSubmit);
+  EXPECT_THAT(low,
+              StatusIs(absl::StatusCode::kPermissionDenied,
+                       HasSubstr("the role read, this call needs submit")));
+  EXPECT_EQ(DetailsOf(low).reason, "ROLE_TOO_LOW");
+  EXPECT_THAT(
+      DetailsOf(low).metadata,
+      UnorderedElementsAre(Pair("role", "read"), Pair("needed", "submit")));
+}
+
 TEST(ErrorsTest, OthersErrorsHaveTheirCodeAsReason) {
   EXPECT_EQ(DetailsOf(absl::InternalError("x")).reason, "INTERNAL");
 }

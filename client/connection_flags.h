@@ -1,0 +1,38 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <CLI/CLI.hpp>
+
+#include "absl/status/statusor.h"
+#include "client/connection.h"
+
+namespace isomatch {
+
+/// Which server, and the files that prove who is who; empty when not given.
+struct ConnectionFlags {
+  std::string server;
+  std::string tls_ca;
+  std::string tls_cert;
+  std::string tls_key;
+  std::string api_key_file;
+};
+
+/// Adds --server and what belongs to it. `flags` outlives `command`.
+void AddConnectionFlags(CLI::App* command, ConnectionFlags* flags);
+
+/// Returns what the files hold. Without --api-key-file the key is
+/// `environment_key` (of ISOMATCH_API_KEY; null and "" mean none).
+///
+/// INVALID_ARGUMENT, NOT_FOUND: a file is missing, not readable, not PEM, or
+/// has not one key. No message has any of a key.
+absl::StatusOr<ConnectionSecurity> LoadSecurity(const ConnectionFlags& flags,
+                                                const char* environment_key);
+
+/// What the user should know: a key that travels unencrypted to another
+/// machine.
+std::vector<std::string> SecurityWarnings(const ConnectionFlags& flags,
+                                          const ConnectionSecurity& security);
+
+}  // namespace isomatch

@@ -1,0 +1,80 @@
+#include "server/jobs/prepared_cache.h"
+
+#include <utility>
+
+namespace isomatch {
+
+std::optional<PreparedShape> PreparedCache::Find(const PreparedKey& key,
+                                                 const std::stop_token& stop) {
+  bool write = false;
+  std::optional<PreparedShape> shape = FindInMemory(key, write);
+  if (!shape) return FindOnDisk(key, stop);
+  if (write) {  // a cache: when the disk refuses, it does without
+    (void)disk_->Put({key.tenant, key.sha256}, SerializePreparedShape(*shape),
+                     Keep::kWhileRoom);
+  }
+  return shape;
+}
+
+std::optional<PreparedShape> PreparedCache::FindInMemory(const PreparedKey& key,
+                                                         bool& write) {
+  MutexLock lock(mutex_);
+  const auto found = by_key_.find(key);
+  if (found == by_key_.end()) return std::nullopt;
+  ++counts_.in_memory;
+  entries_.splice(entries_.begin(), entries_, found->second);
+  Entry& entry = entries_.front();
+  write = disk_ != nullptr && !std::exchange(entry.is_on_disk, true);
+  return entry.shape;
+}
+
+std::optional<PreparedShape> PreparedCache::FindOnDisk(
+    const PreparedKey& key, const std::stop_token& stop) {
+  const BlobStore::Blob bytes =
+      disk_ == nullptr ? nullptr : disk_->Get({key.tenant, key.sha256});
+  if (bytes != nullptr) {
+    auto parsed = ParsePreparedShape(*bytes, stop);
+    if (parsed.ok()) {
+      Insert(key, *parsed, /*is_on_disk=*/true);
+      MutexLock lock(mutex_);
+      ++counts_.on_disk;
+      return *std::move(parsed);
+    }
+  }
+  MutexLock lock(mutex_);
+  ++counts_.missing;
+  return std::nullopt;
+}
+
+void PreparedCache::Keep(const PreparedKey& key, const PreparedShape& shape) {
+  Insert(key, shape, /*is_on_disk=*/false);
+}
+
+void PreparedCache::Insert(const PreparedKey& key, const PreparedShape& shape,
+                           bool is_on_disk) {
+  const std::int64_t bytes = PreparedShapeBytes(shape);
+  if (bytes > capacity_bytes_) return;
+  std::list<Entry> evicted;  // freed after the lock
+  MutexLock lock(mutex_);
+  if (by_key_.count(key) != 0) return;
+  while (size_bytes_ > capacity_bytes_ - bytes) {
+    size_bytes_ -= entries_.back().bytes;
+    by_key_.erase(entries_.back().key);
+    evicted.splice(evicted.begin(), entries_, std::prev(entries_.end()));
+  }
+  entries_.push_front({key, shape, bytes, is_on_disk});
+  by_key_[key] = entries_.begin();
+  size_bytes_ += bytes;
+}
+
+std::int64_t PreparedCache::size_bytes() const {
+  MutexLock lock(mutex_);
+  return size_bytes_;
+}
+
+PreparedCache::Counts PreparedCache::counts() const {
+  MutexLock lock(mutex_);
+  return counts_;
+}
+
+}  // namespace isomatch
