@@ -2,28 +2,24 @@
 #include <iostream>
 #include <memory>
 #include <optional>
-#include <string>
 #include <thread>
 
-#include <spdlog/sinks/stdout_color_sinks.h>
-#include <spdlog/spdlog.h>
 #include <unistd.h>
 
+#include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "core/base/version.h"
+#include "server/logging/log.h"
 #include "server/rpc/grpc_logging.h"
+#include "server/rpc/health_probe.h"
 #include "server/server.h"
 #include "server/server_flags.h"
 
 namespace isomatch {
 namespace {
 
-void SetUpLog(const ServerConfig& config) {
-  spdlog::set_default_logger(spdlog::stderr_color_mt("isomatch-server"));
-  spdlog::set_level(spdlog::level::from_str(config.log_level));
-  spdlog::set_pattern("%Y-%m-%dT%H:%M:%S.%e%z %^%l%$ %v");
-  RouteGrpcLogToSpdlog();
-}
+/// Of --health; container probes should wait a little longer.
+constexpr absl::Duration kProbeTimeout = absl::Seconds(2);
 
 /// Blocks the signals in this thread and those it starts, for sigwait.
 sigset_t BlockStopSignals() {
@@ -50,27 +46,36 @@ std::string ClientFlags(const ServerConfig& config) {
   return flags;
 }
 
+/// All that the operator of a new server needs, on one screen.
 void LogStart(const ServerConfig& config, const Server& server) {
-  spdlog::info("isomatch-server {} listens on {}", kVersion, server.address());
-  spdlog::info("security: {}, {}", DescribeTls(config),
-               config.api_keys.empty() ? "no API keys" : "API keys");
-  spdlog::info("jobs: {} at a time, {} threads each, {} may wait",
-               config.workers, server.threads_per_job(),
-               config.max_queued_jobs);
-  spdlog::info("memory: {} MiB for running jobs, {} MiB for meshes and results",
-               server.memory_budget_bytes() >> 20,
-               config.blob_store_bytes >> 20);
-  spdlog::info("data: {}", config.data_dir.empty()
-                               ? "in memory, gone when the server ends"
-                               : config.data_dir);
-  spdlog::info("requests: at most {} KiB, larger meshes are uploaded",
-               config.max_request_bytes >> 10);
-  spdlog::info("a first job: isomatch match --server {}{} X Y -o MAP",
-               server.address(), ClientFlags(config));
+  const auto say = [](const std::string& line) { Log(LogLevel::kInfo, line); };
+  const std::string metrics = server.metrics_address();
+  Log(LogLevel::kInfo,
+      absl::StrCat("isomatch-server ", kVersion, " listens on ",
+                   server.address()),
+      {{"address", server.address()}, {"version", kVersion}});
+  say(absl::StrCat("security: ", DescribeTls(config), ", ",
+                   config.api_keys.empty() ? "no API keys" : "API keys"));
+  say(absl::StrCat("data: ", config.is_durable()
+                                 ? config.data_dir
+                                 : "in memory, gone when the server ends"));
+  say(absl::StrCat("jobs: ", config.workers, " at a time, ",
+                   server.threads_per_job(), " threads each, ",
+                   config.max_queued_jobs, " may wait"));
+  say(absl::StrCat("memory: ", server.memory_budget_bytes() >> 20,
+                   " MiB for running jobs, ", config.blob_store_bytes >> 20,
+                   " MiB for meshes and results"));
+  say(absl::StrCat("requests: at most ", FormatBytes(config.max_request_bytes),
+                   ", larger meshes are uploaded, up to ",
+                   FormatBytes(config.max_mesh_bytes)));
+  say(metrics.empty() ? "metrics: off"
+                      : absl::StrCat("metrics: http://", metrics, "/metrics"));
+  say(absl::StrCat("a first job: isomatch match --server ", server.address(),
+                   ClientFlags(config), " X Y -o MAP"));
 }
 
 /// Ends the process on a second signal, and when a peer or a job holds up the
-/// shutdown: what has to be saved is on disk at any time.
+/// shutdown: nothing that has to be saved is left then.
 void GuardShutdown(const sigset_t& signals, absl::Duration drain) {
   std::thread([signals] {
     int signal = 0;
@@ -83,10 +88,20 @@ void GuardShutdown(const sigset_t& signals, absl::Duration drain) {
   }).detach();
 }
 
-int Main(int argc, char** argv) {
-  ServerConfig config;
-  if (const auto status = ParseServerFlags(argc, argv, config)) return *status;
-  SetUpLog(config);
+/// Returns the exit status: 0 when the server serves.
+int ReportHealth(const std::string& address) {
+  const absl::Status health =
+      ProbeHealth(address, ProbeTransport::kPlain, kProbeTimeout);
+  if (health.ok()) {
+    std::cout << address << " SERVING\n";
+    return 0;
+  }
+  std::cerr << "isomatch-server: " << address << ": " << health.message()
+            << "\n";
+  return 1;
+}
+
+int Serve(const ServerConfig& config) {
   const sigset_t signals = BlockStopSignals();
   const auto server = Server::Create(config);
   if (!server.ok()) {
@@ -96,12 +111,24 @@ int Main(int argc, char** argv) {
   LogStart(config, **server);
   int signal = 0;
   sigwait(&signals, &signal);
-  spdlog::info("stopping: no new jobs, running ones get {}",
-               absl::FormatDuration(config.drain_timeout));
+  Log(LogLevel::kInfo,
+      absl::StrCat("stopping: no new jobs, running ones get ",
+                   absl::FormatDuration(config.drain_timeout)));
   GuardShutdown(signals, config.drain_timeout);
   (*server)->Shutdown(config.drain_timeout);
-  spdlog::info("stopped");
+  Log(LogLevel::kInfo, "stopped");
   return 0;
+}
+
+int Main(int argc, char** argv) {
+  ServerCommand command;
+  if (const auto status = ParseServerFlags(argc, argv, command)) return *status;
+  const ServerConfig& config = command.config;
+  SetUpLog(command.health_address ? "off" : config.log_level,
+           config.log_format == "json" ? LogFormat::kJson : LogFormat::kText);
+  RouteGrpcLog();
+  if (command.health_address) return ReportHealth(*command.health_address);
+  return Serve(config);
 }
 
 }  // namespace

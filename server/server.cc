@@ -5,22 +5,29 @@
 #include <mutex>
 #include <thread>
 #include <utility>
+#include <vector>
 
 #include <grpcpp/ext/proto_server_reflection_plugin.h>
 #include <grpcpp/grpcpp.h>
 #include <openssl/rand.h>
-#include <spdlog/spdlog.h>
 
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "core/base/status_macros.h"
+#include "core/base/version.h"
 #include "grpc/health/v1/health.pb.h"
 #include "server/convert/stored_request.h"
+#include "server/job_log.h"
+#include "server/jobs/job_metrics.h"
 #include "server/jobs/memory_limit.h"
+#include "server/jobs/process_memory.h"
 #include "server/jobs/thread_pool.h"
+#include "server/logging/log.h"
+#include "server/metrics/prometheus_metrics.h"
 #include "server/rpc/access.h"
 #include "server/rpc/api_keys.h"
+#include "server/rpc/call_interceptor.h"
 #include "server/rpc/correspondence_service.h"
 #include "server/rpc/server_credentials.h"
 #include "server/stores.h"
@@ -40,29 +47,15 @@ std::string RandomId() {
   return absl::BytesToHexString(bytes);
 }
 
-void LogState(const JobRecord& job) {
-  const double seconds = absl::ToDoubleSeconds(absl::Now() - job.create_time);
-  const char* state = JobStateName(job.state);
-  if (job.error) {
-    spdlog::warn("job {} {} after {:.1f} s: {}: {}", job.id, state, seconds,
-                 job.error->reason, job.error->message);
-  } else if (job.result) {
-    spdlog::info(
-        "job {} {} after {:.1f} s, ran {:.1f} s, estimate {} MiB, "
-        "process peak {} MiB",
-        job.id, state, seconds, job.result->run_seconds,
-        job.memory_estimate_bytes >> 20, job.result->peak_resident_bytes >> 20);
-  } else {
-    spdlog::info("job {} {} after {:.1f} s", job.id, state, seconds);
-  }
-}
-
 /// Returns what logs that files have changed.
 std::function<void(const absl::Status&)> ReloadLogger(const char* what) {
   return [what](const absl::Status& status) {
-    if (status.ok()) return spdlog::info("{}: the new ones hold", what);
-    spdlog::error("{}: those before stay: {}", what,
-                  std::string(status.message()));
+    if (status.ok()) {
+      Log(LogLevel::kInfo, absl::StrCat(what, ": the new ones hold"));
+    } else {
+      Log(LogLevel::kError,
+          absl::StrCat(what, ": those before stay: ", status.message()));
+    }
   };
 }
 
@@ -84,6 +77,12 @@ RequestLimits MakeRequestLimits(const ServerConfig& config) {
   limits.max_mesh_bytes = config.max_mesh_bytes;
   limits.max_queued_jobs = config.max_queued_jobs;
   return limits;
+}
+
+/// Null when there is to be no endpoint.
+std::unique_ptr<PrometheusMetrics> MakeMetrics(const ServerConfig& config) {
+  if (config.listen.empty() || config.metrics_listen == "off") return nullptr;
+  return std::make_unique<PrometheusMetrics>(kVersion);
 }
 
 /// Once for the process: gRPC takes plugins globally.
@@ -129,6 +128,9 @@ class Server::Impl {
   void Shutdown(absl::Duration drain);
 
   std::string address() const;
+  std::string metrics_address() const {
+    return prometheus_ == nullptr ? "" : prometheus_->address();
+  }
   const MemoryBudget& budget() const { return budget_; }
   int threads_per_job() const { return context_.parse.threads_per_job; }
   std::shared_ptr<grpc::Channel> InProcessChannel() {
@@ -139,9 +141,15 @@ class Server::Impl {
   JobManager::Limits MakeJobLimits() const;
   JobManager::Parts MakeJobParts();
   ServiceContext MakeContext();
+  void OnState(const JobRecord& job);
+  LoadFigures ReadLoad();
+  std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>
+  MakeInterceptors();
 
   const ServerConfig config_;
   const Access access_;
+  const std::unique_ptr<PrometheusMetrics> prometheus_;
+  Metrics& metrics_;
   const Stores stores_;
   MemoryBudget budget_;
   MemoryBudget uploads_;
@@ -163,6 +171,8 @@ Server::Impl::Impl(const ServerConfig& config, MatchEngine engine,
                    std::unique_ptr<ApiKeys> keys, Stores stores)
     : config_(config),
       access_(std::move(keys)),
+      prometheus_(MakeMetrics(config)),
+      metrics_(prometheus_ == nullptr ? NullMetrics() : *prometheus_),
       stores_(std::move(stores)),
       budget_(ChooseMemoryBudget(config.memory_budget_bytes,
                                  AvailableMemoryBytes())),
@@ -177,6 +187,7 @@ Server::Impl::Impl(const ServerConfig& config, MatchEngine engine,
 
 Server::Impl::~Impl() {
   Shutdown(absl::ZeroDuration());
+  if (prometheus_ != nullptr) prometheus_->Close();
   intake_.reset();
   workers_.reset();
   timers_.reset();
@@ -191,7 +202,7 @@ JobManager::Limits Server::Impl::MakeJobLimits() const {
                                           : config_.max_queued_jobs_per_tenant;
   limits.max_kept_jobs = config_.max_kept_jobs;
   limits.job_retention = config_.job_retention;
-  limits.durable = !config_.data_dir.empty();
+  limits.durable = config_.is_durable();
   limits.max_result_bytes = config_.blob_store_bytes / 4;
   return limits;
 }
@@ -209,8 +220,32 @@ JobManager::Parts Server::Impl::MakeJobParts() {
   parts.load_spec = [this](const JobRecord& record) {
     return LoadJobSpec(record, context_.parse);
   };
-  if (!config_.listen.empty()) parts.on_state = LogState;
+  parts.on_state = [this](const JobRecord& job) { OnState(job); };
   return parts;
+}
+
+void Server::Impl::OnState(const JobRecord& job) {
+  CountState(job, metrics_);
+  if (!config_.listen.empty()) LogState(job, absl::Now());
+}
+
+LoadFigures Server::Impl::ReadLoad() {
+  const JobManager::Load load = manager_.load();
+  return {.queued_jobs = load.queued_jobs,
+          .running_jobs = load.running_jobs,
+          .watchers = manager_.watchers().size(),
+          .memory_budget_bytes = budget_.total_bytes(),
+          .memory_reserved_bytes = budget_.reserved_bytes(),
+          .memory_measured_bytes = PeakResidentBytes(),
+          .stored_bytes = stores_.blobs->size_bytes()};
+}
+
+std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>
+Server::Impl::MakeInterceptors() {
+  return MakeCallInterceptors({.metrics = &metrics_,
+                               .log = !config_.listen.empty(),
+                               .now = absl::Now,
+                               .new_id = RandomId});
 }
 
 ServiceContext Server::Impl::MakeContext() {
@@ -221,10 +256,11 @@ ServiceContext Server::Impl::MakeContext() {
   context.budget = &budget_;
   context.uploads = &uploads_;
   context.intake = intake_.get();
+  context.metrics = &metrics_;
   context.parse = {stores_.blobs.get(), &runner_, MakeRequestLimits(config_),
                    ChooseThreads(config_)};
   context.workers = config_.workers;
-  context.durable = !config_.data_dir.empty();
+  context.durable = config_.is_durable();
   context.job_retention = config_.job_retention;
   context.watch_heartbeat = config_.watch_heartbeat;
   context.upload_idle_timeout = config_.upload_idle_timeout;
@@ -246,6 +282,11 @@ absl::Status Server::Impl::Listen() {
                              &port_);
   }
   builder.RegisterService(&service_);
+  std::vector<
+      std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>>
+      interceptors;
+  interceptors.push_back(MakeInterceptors());
+  builder.experimental().SetInterceptorCreators(std::move(interceptors));
   grpc_ = builder.BuildAndStart();
   if (grpc_ == nullptr) {
     return absl::UnavailableError(
@@ -255,7 +296,9 @@ absl::Status Server::Impl::Listen() {
   }
   grpc_->GetHealthCheckService()->SetServingStatus(
       v1::CorrespondenceService::service_full_name(), true);
-  return absl::OkStatus();
+  if (prometheus_ == nullptr) return absl::OkStatus();
+  return prometheus_->Listen(config_.metrics_listen,
+                             [this] { return ReadLoad(); });
 }
 
 void Server::Impl::Shutdown(absl::Duration drain) {
@@ -301,6 +344,7 @@ Server::Server(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 Server::~Server() = default;
 
 std::string Server::address() const { return impl_->address(); }
+std::string Server::metrics_address() const { return impl_->metrics_address(); }
 int Server::threads_per_job() const { return impl_->threads_per_job(); }
 std::int64_t Server::memory_budget_bytes() const {
   return impl_->budget().total_bytes();

@@ -23,7 +23,7 @@ namespace isomatch {
 ///   4. watchers get their last message, or UNAVAILABLE (DRAINING) when the job
 ///      goes on later; with a drain time, clients get 0.4 s to ask for the
 ///      results, then gRPC stops;
-///   5. the threads are joined.
+///   5. the metrics endpoint closes and the threads are joined.
 ///
 /// Thread-safe.
 class Server {
@@ -46,6 +46,9 @@ class Server {
 
   /// HOST:PORT with the port it really has; empty without a port.
   std::string address() const;
+
+  /// HOST:PORT of the metrics; empty without them.
+  std::string metrics_address() const;
 
   /// What running jobs may reserve together.
   std::int64_t memory_budget_bytes() const;

@@ -2,7 +2,7 @@
 
 #include <arpa/inet.h>
 
-#include <array>
+#include <algorithm>
 #include <utility>
 #include <vector>
 
@@ -16,23 +16,6 @@
 namespace isomatch {
 namespace {
 
-constexpr std::int64_t kMiB = std::int64_t{1} << 20;
-
-absl::Status CheckRange(absl::string_view field, std::int64_t value,
-                        std::int64_t least, std::int64_t most) {
-  if (value >= least && value <= most) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      absl::StrCat(field, " = ", value, ", expected ", least, " to ", most));
-}
-
-absl::Status CheckDuration(absl::string_view field, absl::Duration value,
-                           absl::Duration least, absl::Duration most) {
-  if (value >= least && value <= most) return absl::OkStatus();
-  return absl::InvalidArgumentError(absl::StrCat(
-      field, " = ", absl::FormatDuration(value), ", expected ",
-      absl::FormatDuration(least), " to ", absl::FormatDuration(most)));
-}
-
 bool IsLoopback(const std::string& host) {
   in_addr address = {};
   // Not every name that begins with 127. is such an address.
@@ -41,21 +24,19 @@ bool IsLoopback(const std::string& host) {
           inet_pton(AF_INET, host.c_str(), &address) == 1);
 }
 
-absl::Status CheckListen(const std::string& listen) {
+/// HOST:PORT, with a HOST.
+bool IsAddress(const std::string& text) {
   constexpr int kMaxPort = 65535;
-  if (listen.empty() || absl::StartsWith(listen, "unix:")) {
-    return absl::OkStatus();
-  }
-  const size_t colon = listen.rfind(':');
+  const size_t colon = text.rfind(':');
   int port = -1;
-  if (colon != std::string::npos && colon != 0 &&
-      absl::SimpleAtoi(listen.substr(colon + 1), &port) && port >= 0 &&
-      port <= kMaxPort) {
-    return absl::OkStatus();
-  }
-  return absl::InvalidArgumentError(
-      absl::StrCat("--listen = ", listen,
-                   ", expected HOST:PORT, e.g. 127.0.0.1:7443, or unix:PATH"));
+  return colon != std::string::npos && colon > 0 &&
+         absl::SimpleAtoi(text.substr(colon + 1), &port) && port >= 0 &&
+         port <= kMaxPort;
+}
+
+absl::Status CheckListen(const std::string& listen) {
+  if (listen.empty()) return absl::OkStatus();
+  return CheckServerAddress("--listen", listen);
 }
 
 absl::Status CheckTls(const ServerConfig& config) {
@@ -95,51 +76,77 @@ absl::Status CheckExposure(const ServerConfig& config) {
       "--insecure if the network is trusted or a TLS proxy stands in front"));
 }
 
-absl::Status CheckLogLevel(const std::string& level) {
-  constexpr std::array<absl::string_view, 7> kLevels = {
-      "trace", "debug", "info", "warn", "error", "critical", "off"};
-  if (absl::c_linear_search(kLevels, level)) return absl::OkStatus();
-  return absl::InvalidArgumentError(absl::StrCat(
-      "--log-level = ", level,
-      ", expected trace, debug, info, warn, error, critical or off"));
+absl::Status CheckMetricsListen(const std::string& listen) {
+  // Debian's civetweb, which serves the metrics, knows no IPv6.
+  const bool is_ipv6 = absl::StartsWith(listen, "[");
+  if (listen == "off" || (IsAddress(listen) && !is_ipv6)) {
+    return absl::OkStatus();
+  }
+  return WrongValue("--metrics-listen", listen,
+                    "HOST:PORT of IPv4, e.g. 127.0.0.1:7444, or off");
+}
+
+absl::Status CheckWord(absl::string_view field, const std::string& word,
+                       const std::vector<std::string>& words) {
+  if (absl::c_linear_search(words, word)) return absl::OkStatus();
+  return WrongValue(field, word, absl::StrJoin(words, ", "));
+}
+
+/// What must not be more than half of the blob store, since it passes there.
+absl::Status CheckBytesOfHalf(absl::string_view field, std::int64_t value,
+                              const IntRange& range,
+                              std::int64_t blob_store_bytes) {
+  return CheckBytes(field, value,
+                    {range.least, std::min(range.most, blob_store_bytes / 2)});
 }
 
 }  // namespace
+
+absl::Status CheckServerAddress(absl::string_view field,
+                                const std::string& address) {
+  if (absl::StartsWith(address, "unix:") || IsAddress(address)) {
+    return absl::OkStatus();
+  }
+  return WrongValue(field, address,
+                    "HOST:PORT, e.g. 127.0.0.1:7443, or unix:PATH");
+}
 
 absl::Status ServerConfig::Validate() const {
   ISOMATCH_RETURN_IF_ERROR(CheckListen(listen));
   ISOMATCH_RETURN_IF_ERROR(CheckTls(*this));
   ISOMATCH_RETURN_IF_ERROR(CheckExposure(*this));
-  ISOMATCH_RETURN_IF_ERROR(CheckRange("--workers", workers, 1, 256));
+  ISOMATCH_RETURN_IF_ERROR(CheckMetricsListen(metrics_listen));
+  ISOMATCH_RETURN_IF_ERROR(CheckCount("--workers", workers, kWorkers));
   ISOMATCH_RETURN_IF_ERROR(
-      CheckRange("--threads-per-job", threads_per_job, 0, 1024));
-  constexpr std::int64_t kMostMemory = std::int64_t{1} << 50;
+      CheckCount("--threads-per-job", threads_per_job, kThreadsPerJob));
   ISOMATCH_RETURN_IF_ERROR(
-      CheckRange("--memory-budget", memory_budget_bytes, 0, kMostMemory));
+      CheckBytes("--memory-budget", memory_budget_bytes, kMemoryBudgetBytes));
   ISOMATCH_RETURN_IF_ERROR(
-      CheckRange("blob_store_bytes", blob_store_bytes, 16 * kMiB, kMostMemory));
+      CheckBytes("--blob-store-bytes", blob_store_bytes, kBlobStoreBytes));
   ISOMATCH_RETURN_IF_ERROR(
-      CheckRange("--max-queued-jobs", max_queued_jobs, 1, 100'000));
-  ISOMATCH_RETURN_IF_ERROR(CheckRange("--max-queued-jobs-per-tenant",
-                                      max_queued_jobs_per_tenant, 0, 100'000));
-  ISOMATCH_RETURN_IF_ERROR(CheckRange("--max-request-bytes", max_request_bytes,
-                                      2 * kMiB, blob_store_bytes / 2));
+      CheckCount("--max-queued-jobs", max_queued_jobs, kMaxQueuedJobs));
+  ISOMATCH_RETURN_IF_ERROR(CheckCount("--max-queued-jobs-per-tenant",
+                                      max_queued_jobs_per_tenant,
+                                      kMaxQueuedJobsPerTenant));
+  ISOMATCH_RETURN_IF_ERROR(CheckBytesOfHalf("--max-request-bytes",
+                                            max_request_bytes, kMaxRequestBytes,
+                                            blob_store_bytes));
+  ISOMATCH_RETURN_IF_ERROR(CheckBytesOfHalf("--max-mesh-bytes", max_mesh_bytes,
+                                            kMaxMeshBytes, blob_store_bytes));
   ISOMATCH_RETURN_IF_ERROR(
-      CheckRange("max_mesh_bytes", max_mesh_bytes, 1, blob_store_bytes / 2));
+      CheckCount("--max-kept-jobs", max_kept_jobs, kMaxKeptJobs));
   ISOMATCH_RETURN_IF_ERROR(
-      CheckRange("max_kept_jobs", max_kept_jobs, 1, 1'000'000));
-  ISOMATCH_RETURN_IF_ERROR(CheckDuration(
-      "--drain-timeout", drain_timeout, absl::ZeroDuration(), absl::Hours(24)));
-  ISOMATCH_RETURN_IF_ERROR(CheckDuration("--job-retention", job_retention,
-                                         absl::Minutes(1),
-                                         absl::Hours(24 * 3652)));
-  ISOMATCH_RETURN_IF_ERROR(CheckDuration("watch_heartbeat", watch_heartbeat,
-                                         absl::Milliseconds(10),
-                                         absl::Hours(1)));
+      CheckDuration("--drain-timeout", drain_timeout, kDrainTimeout));
   ISOMATCH_RETURN_IF_ERROR(
-      CheckDuration("upload_idle_timeout", upload_idle_timeout,
-                    absl::Milliseconds(10), absl::Hours(1)));
-  return CheckLogLevel(log_level);
+      CheckDuration("--job-retention", job_retention, kJobRetention));
+  ISOMATCH_RETURN_IF_ERROR(
+      CheckDuration("--watch-heartbeat", watch_heartbeat, kStreamTimes));
+  ISOMATCH_RETURN_IF_ERROR(CheckDuration("--upload-idle-timeout",
+                                         upload_idle_timeout, kStreamTimes));
+  ISOMATCH_RETURN_IF_ERROR(CheckWord(
+      "--log-level", log_level,
+      {"trace", "debug", "info", "warn", "error", "critical", "off"}));
+  return CheckWord("--log-format", log_format, {"text", "json"});
 }
 
 }  // namespace isomatch

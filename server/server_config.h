@@ -5,10 +5,12 @@
 
 #include "absl/status/status.h"
 #include "absl/time/time.h"
+#include "server/config_values.h"
 
 namespace isomatch {
 
 /// How a server is set up. The defaults suit one machine that the user owns.
+/// server_flags.cc says which flag sets which field.
 struct ServerConfig {
   // Where it listens.
 
@@ -17,6 +19,9 @@ struct ServerConfig {
   std::string listen = "127.0.0.1:7443";
   /// Allows a `listen` that other machines can reach without TLS or API keys.
   bool insecure = false;
+  /// HOST:PORT of the metrics, IPv4; "off" for none. A server without
+  /// `listen` has none either.
+  std::string metrics_listen = "127.0.0.1:7444";
 
   // Who may call; paths of files, none when empty.
 
@@ -32,52 +37,80 @@ struct ServerConfig {
 
   // What it may use.
 
-  /// Jobs that run at the same time. 1 to 256.
+  /// Jobs that run at the same time.
+  static constexpr IntRange kWorkers = {1, 256};
   int workers = 1;
-  /// Threads of one job, 0 to 1024; 0 shares the cores among the workers.
+  /// Threads of one job; 0 shares the cores among the workers.
+  static constexpr IntRange kThreadsPerJob = {0, 1024};
   int threads_per_job = 0;
   /// Bytes that running jobs may reserve together. 0 stands for 80 % of what
   /// the machine or its cgroup has; more than that is cut down to it.
+  static constexpr IntRange kMemoryBudgetBytes = {0, std::int64_t{1} << 50};
   std::int64_t memory_budget_bytes = 0;
+
   // What it keeps.
 
-  /// Folder of jobs, meshes and results, which then outlive the process. Empty:
-  /// they are in memory only.
+  /// Folder of jobs, meshes and results, which then outlive the process.
   std::string data_dir;
-  /// Bytes of uploaded meshes and results that are kept. 16 MiB or more.
+  /// Everything in memory, as without data_dir.
+  bool ephemeral = false;
+  bool is_durable() const { return !ephemeral && !data_dir.empty(); }
+  /// How long a job and its result are kept after it ended.
+  static constexpr DurationRange kJobRetention = {absl::Minutes(1),
+                                                  absl::Hours(24 * 3652)};
+  absl::Duration job_retention = absl::Hours(7 * 24);
+  /// Bytes of uploaded meshes and results that are kept.
+  static constexpr IntRange kBlobStoreBytes = {std::int64_t{16} << 20,
+                                               std::int64_t{1} << 50};
   std::int64_t blob_store_bytes = std::int64_t{1} << 30;
 
   // What it accepts.
 
-  /// Jobs that may wait. 1 to 100000.
+  /// Jobs that may wait.
+  static constexpr IntRange kMaxQueuedJobs = {1, 100'000};
   int max_queued_jobs = 100;
-  /// Of one tenant. 0 for no limit of its own.
+  /// Of one tenant; 0 for no limit of its own.
+  static constexpr IntRange kMaxQueuedJobsPerTenant = {0, 100'000};
   int max_queued_jobs_per_tenant = 0;
-  /// One request message. 2 MiB to blob_store_bytes / 2.
+  /// One request message. At most blob_store_bytes / 2.
+  static constexpr IntRange kMaxRequestBytes = {std::int64_t{2} << 20,
+                                                std::int64_t{1} << 30};
   std::int64_t max_request_bytes = std::int64_t{4} << 20;
   /// One uploaded mesh. At most blob_store_bytes / 2.
+  static constexpr IntRange kMaxMeshBytes = {1, std::int64_t{1} << 40};
   std::int64_t max_mesh_bytes = std::int64_t{256} << 20;
 
   // How long things last.
 
-  /// What running jobs get to finish after SIGTERM. 0 to 24 hours.
+  /// What running jobs get to finish after SIGTERM.
+  static constexpr DurationRange kDrainTimeout = {absl::ZeroDuration(),
+                                                  absl::Hours(24)};
   absl::Duration drain_timeout = absl::Seconds(30);
-  /// A watcher hears from its job at least this often. 10 ms to 1 hour.
+  /// Of the next two.
+  static constexpr DurationRange kStreamTimes = {absl::Milliseconds(10),
+                                                 absl::Hours(1)};
+  /// A watcher hears from its job at least this often.
   absl::Duration watch_heartbeat = absl::Seconds(10);
-  /// An upload that sends nothing for this long is dropped. 10 ms to 1 hour.
+  /// An upload that sends nothing for this long is dropped.
   absl::Duration upload_idle_timeout = absl::Seconds(30);
-  /// Terminal jobs that are remembered, 1 or more; the oldest go first.
+  /// Terminal jobs that are remembered; the oldest go first.
+  static constexpr IntRange kMaxKeptJobs = {1, 1'000'000};
   int max_kept_jobs = 1000;
-  /// How long a job and its result are kept after it ended. 1 minute to 10
-  /// years.
-  absl::Duration job_retention = absl::Hours(7 * 24);
 
-  /// trace, debug, info, warn, error, critical or off. Used by main.cc only:
-  /// a server without a port logs nothing.
+  // What it tells. Used by main.cc only: a server without a port logs nothing.
+
+  /// trace, debug, info, warn, error, critical or off.
   std::string log_level = "info";
+  /// text or json; see LogFormat.
+  std::string log_format = "text";
 
   /// INVALID_ARGUMENT naming field, value and allowed range.
   absl::Status Validate() const;
 };
+
+/// INVALID_ARGUMENT naming the field when `address` is neither HOST:PORT nor
+/// unix:PATH.
+absl::Status CheckServerAddress(absl::string_view field,
+                                const std::string& address);
 
 }  // namespace isomatch

@@ -6,11 +6,13 @@
 
 #include <CLI/CLI.hpp>
 
-#include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
 #include "core/base/version.h"
+#include "server/flag_set.h"
 #include "server/jobs/caller.h"
 #include "server/new_api_key.h"
+#include "server/rpc/health_probe.h"
 
 namespace isomatch {
 namespace {
@@ -30,26 +32,16 @@ Examples:
   isomatch-server --listen 0.0.0.0:7443 --tls-cert server.crt \
                   --tls-key server.key --api-keys keys.txt
       Open to the network, encrypted, for those who have a key.
+  isomatch-server --print-config > isomatch.toml
+  isomatch-server --config isomatch.toml
+      The same from a file, which the environment and flags override.
+  isomatch-server --health
+      Says whether the server that these flags start serves.
   isomatch match --server 127.0.0.1:7443 x.off y.off -o map.txt
       Sends a first job.
 
 SIGTERM or SIGINT: no new jobs, running ones get --drain-timeout, exit 0.
-A second signal exits at once. Exit status: 2 wrong flags, 1 other errors.)";
-
-/// An option such as 30, 30s or 5m.
-CLI::Option* AddDurationOption(CLI::App& app, const std::string& name,
-                               absl::Duration& duration,
-                               const std::string& description) {
-  const auto parse = [&duration, name](const std::string& text) {
-    const bool unit = !text.empty() && absl::ascii_isalpha(text.back());
-    const std::string with_unit = unit ? text : absl::StrCat(text, "s");
-    if (!absl::ParseDuration(with_unit, &duration)) {
-      throw CLI::ValidationError(name, text + ", expected e.g. 30s or 5m");
-    }
-  };
-  return app.add_option_function<std::string>(name, parse, description)
-      ->default_str(absl::FormatDuration(duration));
-}
+A second signal exits at once. Exit status: 2 wrong values, 1 other errors.)";
 
 /// What CLI11 tells the user about a name that is none; empty when it is.
 std::string CheckTenantName(const std::string& name) {
@@ -57,32 +49,30 @@ std::string CheckTenantName(const std::string& name) {
   return absl::StrCat("'", name, "', expected 1 to 63 of a-z, 0-9, - and _");
 }
 
-void AddNetworkFlags(CLI::App& app, ServerConfig& config) {
-  app.add_option("--listen", config.listen,
-                 "HOST:PORT or unix:PATH; port 0 picks a free one")
-      ->capture_default_str()
-      ->group("Network");
-  app.add_flag("--insecure", config.insecure,
-               "Allow --listen beyond this machine without TLS or API keys")
-      ->group("Network");
+void AddNetworkFlags(FlagSet& flags, ServerConfig& config) {
+  flags.BeginGroup("Network");
+  flags.AddText("--listen", config.listen, "ADDRESS",
+                "HOST:PORT or unix:PATH; port 0 picks a free one");
+  flags.AddSwitch("--insecure", config.insecure,
+                  "Allow --listen beyond this machine without TLS or API keys");
+  flags.AddText("--metrics-listen", config.metrics_listen, "ADDRESS",
+                "HOST:PORT of the metrics for Prometheus, in plain HTTP; port "
+                "0 picks a free one, off is none");
 }
 
-void AddSecurityFlags(CLI::App& app, ServerConfig& config) {
-  app.add_option("--tls-cert", config.tls_cert,
-                 "PEM file of the certificate and its chain; read again when "
-                 "it changes, as the other files are")
-      ->group("Security");
-  app.add_option("--tls-key", config.tls_key,
-                 "PEM file of its private key, without password")
-      ->group("Security");
-  app.add_option("--tls-client-ca", config.tls_client_ca,
-                 "PEM file of authorities: clients must show a certificate of "
-                 "one of them")
-      ->group("Security");
-  app.add_option("--api-keys", config.api_keys,
-                 "File of lines `name tenant role sha256`: calls must come "
-                 "with one of these keys")
-      ->group("Security");
+void AddSecurityFlags(FlagSet& flags, ServerConfig& config) {
+  flags.BeginGroup("Security");
+  flags.AddText("--tls-cert", config.tls_cert, "FILE",
+                "PEM file of the certificate and its chain; read again when it "
+                "changes, as the other files are");
+  flags.AddText("--tls-key", config.tls_key, "FILE",
+                "PEM file of its private key, without password");
+  flags.AddText("--tls-client-ca", config.tls_client_ca, "FILE",
+                "PEM file of authorities: clients must show a certificate of "
+                "one of them");
+  flags.AddText("--api-keys", config.api_keys, "FILE",
+                "File of lines `name tenant role sha256`: calls must come with "
+                "one of these keys");
 }
 
 void AddNewKeyFlags(CLI::App& app, NewApiKeyRequest& request) {
@@ -91,35 +81,35 @@ void AddNewKeyFlags(CLI::App& app, NewApiKeyRequest& request) {
                      "Make a key of this name: its line for --api-keys goes "
                      "to standard output, the key to standard error, then exit")
           ->check(CLI::Validator(CheckTenantName, "NAME"))
-          ->group("Security");
+          ->configurable(false)
+      ->group("Security");
   app.add_option("--tenant", request.tenant,
                  "Of the new key: whose jobs and meshes it sees")
       ->check(CLI::Validator(CheckTenantName, "NAME"))
       ->needs(name)
+      ->configurable(false)
       ->capture_default_str()
       ->group("Security");
   app.add_option("--role", request.role,
                  "Of the new key: read, submit or admin")
       ->check(CLI::IsMember({"read", "submit", "admin"}))
       ->needs(name)
+      ->configurable(false)
       ->capture_default_str()
       ->group("Security");
 }
 
-void AddResourceFlags(CLI::App& app, ServerConfig& config) {
-  app.add_option("--workers", config.workers, "Jobs that run side by side")
-      ->capture_default_str()
-      ->group("Resources");
-  app.add_option("--threads-per-job", config.threads_per_job,
-                 "Threads of one job; 0 shares the cores among the workers")
-      ->capture_default_str()
-      ->group("Resources");
-  app.add_option("--memory-budget", config.memory_budget_bytes,
+void AddResourceFlags(FlagSet& flags, ServerConfig& config) {
+  flags.BeginGroup("Resources");
+  flags.AddCount("--workers", config.workers, ServerConfig::kWorkers,
+                 "Jobs that run side by side");
+  flags.AddCount("--threads-per-job", config.threads_per_job,
+                 ServerConfig::kThreadsPerJob,
+                 "Threads of one job; 0 shares the cores among the workers");
+  flags.AddBytes("--memory-budget", config.memory_budget_bytes,
+                 ServerConfig::kMemoryBudgetBytes,
                  "Memory running jobs may reserve together, e.g. 2GiB; 0 is "
-                 "80 % of what machine or container has, also the most")
-      ->transform(CLI::AsSizeValue(/*kb_is_1000=*/true))
-      ->capture_default_str()
-      ->group("Resources");
+                 "80 % of what machine or container has, also the most");
 }
 
 /// Where a service keeps its state: systemd's, or the user's by XDG's rules.
@@ -139,71 +129,131 @@ std::string DefaultDataDir() {
                       : absl::StrCat(home, "/.local/state/isomatch-server");
 }
 
-void AddStorageFlags(CLI::App& app, ServerConfig& config) {
-  app.add_option("--data-dir", config.data_dir,
-                 "Folder of jobs, meshes and results; they survive restarts")
-      ->default_val(DefaultDataDir())
-      ->group("Storage");
-  app.add_flag_callback(
-         "--ephemeral", [&config] { config.data_dir = ""; },
-         "Keep everything in memory, gone when the server ends")
-      ->excludes("--data-dir")
-      ->group("Storage");
-  AddDurationOption(app, "--job-retention", config.job_retention,
-                    "How long a job and its result are kept after it ended")
-      ->group("Storage");
+void AddStorageFlags(FlagSet& flags, ServerConfig& config) {
+  flags.BeginGroup("Storage");
+  config.data_dir = DefaultDataDir();
+  flags.AddText("--data-dir", config.data_dir, "FOLDER",
+                "Folder of jobs, meshes and results; they survive restarts");
+  flags.AddSwitch("--ephemeral", config.ephemeral,
+                  "Keep everything in memory, gone when the server ends");
+  flags.AddBytes("--blob-store-bytes", config.blob_store_bytes,
+                 ServerConfig::kBlobStoreBytes,
+                 "Meshes and results that are kept");
+  flags.AddDuration("--job-retention", config.job_retention,
+                    ServerConfig::kJobRetention,
+                    "How long a job and its result are kept after it ended");
 }
 
-void AddLimitFlags(CLI::App& app, ServerConfig& config) {
-  app.add_option("--max-queued-jobs", config.max_queued_jobs,
-                 "Jobs that may wait; more are refused with QUEUE_FULL")
-      ->capture_default_str()
-      ->group("Limits");
-  app.add_option("--max-request-bytes", config.max_request_bytes,
-                 "Largest request, e.g. 8MiB; larger meshes are uploaded")
-      ->transform(CLI::AsSizeValue(/*kb_is_1000=*/true))
-      ->capture_default_str()
-      ->group("Limits");
+void AddLimitFlags(FlagSet& flags, ServerConfig& config) {
+  flags.BeginGroup("Limits");
+  flags.AddCount("--max-queued-jobs", config.max_queued_jobs,
+                 ServerConfig::kMaxQueuedJobs,
+                 "Jobs that may wait; more are refused with QUEUE_FULL");
+  flags.AddCount("--max-queued-jobs-per-tenant",
+                 config.max_queued_jobs_per_tenant,
+                 ServerConfig::kMaxQueuedJobsPerTenant,
+                 "Of one tenant, TENANT_QUOTA; 0 for no limit of its own");
+  flags.AddCount("--max-kept-jobs", config.max_kept_jobs,
+                 ServerConfig::kMaxKeptJobs,
+                 "Ended jobs that are remembered; the oldest go first");
+  flags.AddBytes("--max-request-bytes", config.max_request_bytes,
+                 ServerConfig::kMaxRequestBytes,
+                 "Largest request, up to half of --blob-store-bytes; larger "
+                 "meshes are uploaded");
+  flags.AddBytes("--max-mesh-bytes", config.max_mesh_bytes,
+                 ServerConfig::kMaxMeshBytes,
+                 "Largest uploaded mesh, up to half of --blob-store-bytes");
 }
 
-void AddOperationFlags(CLI::App& app, ServerConfig& config) {
-  AddDurationOption(app, "--drain-timeout", config.drain_timeout,
-                    "What running jobs get after SIGTERM, e.g. 30s or 5m")
-      ->group("Operation");
-  app.add_option("--log-level", config.log_level,
-                 "trace, debug, info, warn, error, critical or off")
-      ->capture_default_str()
-      ->group("Operation");
+void AddOperationFlags(FlagSet& flags, ServerConfig& config) {
+  flags.BeginGroup("Operation");
+  flags.AddDuration("--drain-timeout", config.drain_timeout,
+                    ServerConfig::kDrainTimeout,
+                    "What running jobs get after SIGTERM, e.g. 30s or 5m");
+  flags.AddDuration("--watch-heartbeat", config.watch_heartbeat,
+                    ServerConfig::kStreamTimes,
+                    "A watcher hears from its job at least this often");
+  flags.AddDuration("--upload-idle-timeout", config.upload_idle_timeout,
+                    ServerConfig::kStreamTimes,
+                    "An upload that sends nothing for this long is dropped");
+  flags.AddText("--log-level", config.log_level, "LEVEL",
+                "trace, debug, info, warn, error, critical or off");
+  flags.AddText("--log-format", config.log_format, "FORMAT",
+                "text, or json: one object a line");
+}
+
+/// Flags that do something else than serve.
+struct Actions {
+  bool print_config = false;
+  /// Whose health to ask; empty for the server that the flags start.
+  std::optional<std::string> health_address;
+};
+
+void AddActions(CLI::App& app, Actions& actions) {
   app.set_version_flag("--version", absl::StrCat("isomatch-server ", kVersion));
+  app.add_flag("--print-config", actions.print_config,
+               "Prints what all flags come to, as a file for --config")
+      ->configurable(false);
+  app.add_option(
+         "--health",
+         [&actions](const CLI::results_t& results) {
+           actions.health_address = results.front();
+           return true;
+         },
+         "Asks the server at ADDRESS, by default that of --listen, whether it "
+         "serves, for 2 s at most; exits with 0 if it does")
+      ->type_name("[ADDRESS]")
+      ->type_size(1)
+      ->expected(0, 1)
+      ->configurable(false);
+}
+
+absl::Status Finish(const Actions& actions, ServerCommand& command) {
+  ISOMATCH_RETURN_IF_ERROR(command.config.Validate());
+  if (!actions.health_address) return absl::OkStatus();
+  command.health_address = actions.health_address->empty()
+                               ? ProbeAddress(command.config.listen)
+                               : *actions.health_address;
+  return CheckServerAddress("--health", *command.health_address);
 }
 
 }  // namespace
 
 std::optional<int> ParseServerFlags(int argc, const char* const* argv,
-                                    ServerConfig& config) {
+                                    ServerCommand& command) {
   constexpr int kWrongFlags = 2;
   CLI::App app(kDescription, "isomatch-server");
   app.footer(kFooter);
+  FlagSet flags(app);
+  AddNetworkFlags(flags, command.config);
+  AddSecurityFlags(flags, command.config);
   NewApiKeyRequest new_key;
-  AddNetworkFlags(app, config);
-  AddSecurityFlags(app, config);
   AddNewKeyFlags(app, new_key);
-  AddResourceFlags(app, config);
-  AddStorageFlags(app, config);
-  AddLimitFlags(app, config);
-  AddOperationFlags(app, config);
+  AddResourceFlags(flags, command.config);
+  AddStorageFlags(flags, command.config);
+  AddLimitFlags(flags, command.config);
+  AddOperationFlags(flags, command.config);
+  Actions actions;
+  AddActions(app, actions);
   try {
     app.parse(argc, argv);
+  } catch (const CLI::FileError& error) {
+    std::cerr << "isomatch-server: --config: " << error.what() << "\n";
+    return kWrongFlags;
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : kWrongFlags;
   }
   if (!new_key.name.empty()) {
     return PrintNewApiKey(new_key, std::cout, std::cerr);
   }
-  const absl::Status valid = config.Validate();
-  if (valid.ok()) return std::nullopt;
-  std::cerr << "isomatch-server: " << valid.message() << "\n";
-  return kWrongFlags;
+  const absl::Status finished = Finish(actions, command);
+  if (!finished.ok()) {
+    std::cerr << "isomatch-server: " << finished.message() << "\n";
+    return kWrongFlags;
+  }
+  if (!actions.print_config) return std::nullopt;
+  std::cout << flags.Print();
+  return 0;
 }
 
 }  // namespace isomatch

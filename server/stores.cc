@@ -2,10 +2,9 @@
 
 #include <utility>
 
-#include <spdlog/spdlog.h>
-
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
+#include "server/logging/log.h"
 #include "server/storage/directory_blob_store.h"
 #include "server/storage/memory_blob_store.h"
 #include "server/storage/memory_job_store.h"
@@ -15,8 +14,8 @@ namespace isomatch {
 namespace {
 
 void LogJournalError(const absl::Status& error) {
-  spdlog::error("jobs are not saved, will try again: {}",
-                std::string(error.message()));
+  Log(LogLevel::kError, absl::StrCat("jobs are not saved, will try again: ",
+                                     error.message()));
 }
 
 /// The job store as the last process left it.
@@ -25,7 +24,9 @@ absl::Status OpenJobs(const std::string& path, Stores& stores) {
                             SqliteJournal::Open(path));
   ISOMATCH_ASSIGN_OR_RETURN(SqliteJournal::Contents contents, journal->Load());
   for (const std::string& id : contents.unreadable) {
-    spdlog::error("job {} in {} cannot be read and is left out", id, path);
+    Log(LogLevel::kError, absl::StrCat("job ", id, " in ", path,
+                                       " cannot be read and is left out"),
+        {{"job", id}});
   }
   stores.jobs = std::make_unique<MemoryJobStore>(
       std::move(contents.records), journal.get(), LogJournalError);
@@ -38,7 +39,7 @@ absl::Status OpenJobs(const std::string& path, Stores& stores) {
 absl::StatusOr<Stores> OpenStores(const ServerConfig& config) {
   Stores stores;
   const std::string& folder = config.data_dir;
-  if (folder.empty()) {
+  if (!config.is_durable()) {
     stores.jobs = std::make_unique<MemoryJobStore>();
     stores.blobs = std::make_unique<MemoryBlobStore>(config.blob_store_bytes);
     return stores;

@@ -23,7 +23,7 @@ struct Stores {
 };
 
 /// Opens the stores in config.data_dir, which is made if need be: jobs.sqlite
-/// and the folder blobs. In memory when it is empty. Errors name the directory:
+/// and the folder blobs. In memory when the configuration is not durable. Errors name the directory:
 /// FAILED_PRECONDITION when another server uses it, or a newer version wrote
 /// it; UNAVAILABLE when it cannot be used; DATA_LOSS when it is damaged.
 absl::StatusOr<Stores> OpenStores(const ServerConfig& config);

@@ -34,6 +34,13 @@ void Watchers::NotifyAll() {
   for (const auto& watcher : alive) watcher->OnJobChanged();
 }
 
+int Watchers::size() const {
+  size_t count = 0;
+  MutexLock lock(mutex_);
+  for (const auto& [id, entries] : watchers_) count += entries.size();
+  return static_cast<int>(count);
+}
+
 std::vector<std::shared_ptr<JobWatcher>> Watchers::Of(const std::string& id) {
   std::vector<std::shared_ptr<JobWatcher>> alive;
   MutexLock lock(mutex_);

@@ -31,6 +31,9 @@ class Watchers {
   /// Calls OnJobChanged of all watchers.
   void NotifyAll();
 
+  /// Returns how many watchers there are, of all jobs.
+  int size() const;
+
  private:
   struct Entry {
     const JobWatcher* address;
@@ -39,7 +42,7 @@ class Watchers {
 
   std::vector<std::shared_ptr<JobWatcher>> Of(const std::string& id);
 
-  Mutex mutex_;
+  mutable Mutex mutex_;
   std::unordered_map<std::string, std::vector<Entry>> watchers_
       ABSL_GUARDED_BY(mutex_);
 };

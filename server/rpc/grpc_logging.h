@@ -2,7 +2,8 @@
 
 namespace isomatch {
 
-/// Sends gRPC's own log to spdlog's default logger, for the whole process.
-void RouteGrpcLogToSpdlog();
+/// Sends gRPC's own log to ours, for the whole process. A line that may quote
+/// metadata with a key is left out.
+void RouteGrpcLog();
 
 }  // namespace isomatch

@@ -5,6 +5,7 @@
 #include "server/jobs/executor.h"
 #include "server/jobs/job_manager.h"
 #include "server/jobs/memory_budget.h"
+#include "server/metrics/metrics.h"
 #include "server/rpc/access.h"
 #include "server/storage/blob_store.h"
 
@@ -28,6 +29,7 @@ struct ServiceContext {
   /// Decodes and checks CreateJob's meshes, one request at a time, so that gRPC
   /// threads stay free and decoding needs bounded memory.
   Executor* intake;
+  Metrics* metrics = &NullMetrics();
   ParseContext parse;
   int workers = 1;
   bool durable = false;

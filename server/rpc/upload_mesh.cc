@@ -88,6 +88,7 @@ class Upload {
     }
     sha256_.Update(chunk);
     bytes_ += chunk;
+    context_.metrics->Uploaded(static_cast<std::int64_t>(chunk.size()));
     return absl::OkStatus();
   }
 

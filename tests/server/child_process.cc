@@ -28,7 +28,8 @@ namespace {
 }
 
 std::vector<std::string> OnFreePort(std::vector<std::string> flags) {
-  flags.insert(flags.end(), {"--listen", "127.0.0.1:0"});
+  flags.insert(flags.end(),
+               {"--listen", "127.0.0.1:0", "--metrics-listen", "127.0.0.1:0"});
   return flags;
 }
 
@@ -63,11 +64,14 @@ std::string ChildProcess::ReadUntil(const std::string& text) {
   return "";
 }
 
-std::string ChildProcess::ReadAll() {
-  std::string text;
+std::vector<std::string> ChildProcess::ReadLines() {
+  std::vector<std::string> lines;
   char line[4096];
-  while (fgets(line, sizeof(line), errors_) != nullptr) text += line;
-  return text;
+  while (fgets(line, sizeof(line), errors_) != nullptr) {
+    lines.emplace_back(line);
+    lines.back().pop_back();  // the end of the line
+  }
+  return lines;
 }
 
 void ChildProcess::Signal(int signal) const { kill(id_, signal); }

@@ -25,8 +25,8 @@ class ChildProcess {
   /// test when none has.
   std::string ReadUntil(const std::string& text);
 
-  /// Reads to the end, which comes when the process ends.
-  std::string ReadAll();
+  /// Returns the lines that were not read yet, until the end of the output.
+  std::vector<std::string> ReadLines();
 
   void Signal(int signal) const;
 
@@ -38,11 +38,11 @@ class ChildProcess {
   FILE* errors_ = nullptr;
 };
 
-/// isomatch-server on a free port, with these flags too, --ephemeral unless
-/// they say otherwise; `address` is set once it listens.
+/// isomatch-server on free ports, with these flags too, --ephemeral unless they
+/// name a --data-dir; `address` is set once it listens.
 struct ServerProcess {
   explicit ServerProcess(const std::string& binary,
-                         std::vector<std::string> flags = {"--ephemeral"});
+                         std::vector<std::string> flags = {});
 
   ChildProcess process;
   std::string address;

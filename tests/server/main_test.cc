@@ -1,6 +1,7 @@
 // The real isomatch-server as a process.
 
 #include <csignal>
+#include <fstream>
 #include <memory>
 #include <string>
 #include <vector>
@@ -8,7 +9,12 @@
 #include <gmock/gmock.h>
 #include <grpcpp/grpcpp.h>
 #include <gtest/gtest.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+#include <unistd.h>
+#include <nlohmann/json.hpp>
 
+#include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
 #include "isomatch/v1/service.grpc.pb.h"
 #include "tests/server/child_process.h"
@@ -88,6 +94,90 @@ TEST(MainTest, SaysHowToSendAFirstJob) {
               HasSubstr(server.address));
   server.process.Signal(SIGINT);
   EXPECT_EQ(server.process.ExitStatus(), 0);
+}
+
+TEST(MainTest, SaysWhereTheMetricsAre) {
+  ServerProcess server(ISOMATCH_SERVER_BINARY);
+  EXPECT_THAT(server.process.ReadUntil("metrics: "),
+              testing::MatchesRegex("http://127.0.0.1:[0-9]+/metrics"));
+}
+
+TEST(MainTest, EveryLineOfAJsonLogIsAnObject) {
+  ChildProcess server(ISOMATCH_SERVER_BINARY,
+                      {"--listen", "127.0.0.1:0", "--metrics-listen", "off",
+                       "--log-format", "json", "--log-level", "debug"});
+  const std::string rest = server.ReadUntil("\"address\":\"");
+  const std::string address = rest.substr(0, rest.find('"'));
+  grpc::ClientContext context;
+  v1::GetServerInfoResponse info;
+  EXPECT_TRUE(Connect(address)->GetServerInfo(&context, {}, &info).ok());
+  server.Signal(SIGTERM);
+  int calls = 0;
+  for (const std::string& line : server.ReadLines()) {
+    const nlohmann::json json = nlohmann::json::parse(line);
+    EXPECT_TRUE(json.contains("time") && json.contains("message")) << line;
+    if (json.value("code", "") == "OK") ++calls;
+  }
+  EXPECT_EQ(calls, 1);
+  EXPECT_EQ(server.ExitStatus(), 0);
+}
+
+/// The exit status of --health with these flags, and its line.
+struct Health {
+  int status;
+  std::string line;
+};
+Health AskHealth(std::vector<std::string> flags) {
+  const std::string out = testing::TempDir() + "isomatch_health.txt";
+  flags.insert(flags.begin(), "--health");
+  ChildProcess probe(ISOMATCH_SERVER_BINARY, flags, out);
+  const std::vector<std::string> errors = probe.ReadLines();
+  const int status = probe.ExitStatus();
+  std::ifstream file(out);
+  std::string line;
+  std::getline(file, line);
+  EXPECT_EQ(errors.size(), status == 0 ? 0 : 1);
+  return {status, errors.empty() ? line : errors[0]};
+}
+
+TEST(MainTest, HealthIsZeroWhileTheServerServes) {
+  ServerProcess server(ISOMATCH_SERVER_BINARY);
+  Health health = AskHealth({"--listen", server.address});
+  EXPECT_EQ(health.status, 0);
+  EXPECT_EQ(health.line, server.address + " SERVING");
+  EXPECT_EQ(AskHealth({server.address}).status, 0);
+  server.process.Signal(SIGTERM);
+  EXPECT_EQ(server.process.ExitStatus(), 0);
+  health = AskHealth({server.address});
+  EXPECT_EQ(health.status, 1);
+  EXPECT_THAT(health.line, HasSubstr(server.address));
+}
+
+TEST(MainTest, HealthIsOneWhileTheServerDrains) {
+  ServerProcess server(ISOMATCH_SERVER_BINARY, {"--drain-timeout", "20s"});
+  StartLongJob(*Connect(server.address));
+  server.process.ReadUntil("RUNNING");
+  server.process.Signal(SIGTERM);
+  server.process.ReadUntil("stopping");
+  Health health = AskHealth({server.address});
+  while (health.status == 0) health = AskHealth({server.address});
+  EXPECT_EQ(health.status, 1);
+  EXPECT_THAT(health.line, HasSubstr("NOT_SERVING"));
+}
+
+TEST(MainTest, HealthDoesNotWaitForAServerThatSaysNothing) {
+  const int silent = socket(AF_INET, SOCK_STREAM, 0);
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  socklen_t size = sizeof(address);
+  ASSERT_EQ(bind(silent, reinterpret_cast<sockaddr*>(&address), size), 0);
+  ASSERT_EQ(listen(silent, /*backlog=*/4), 0);
+  getsockname(silent, reinterpret_cast<sockaddr*>(&address), &size);
+  const Health health =
+      AskHealth({"127.0.0.1:" + std::to_string(ntohs(address.sin_port))});
+  EXPECT_EQ(health.status, 1);
+  close(silent);
 }
 
 TEST(MainTest, APortInUseEndsWithStatusOne) {
@@ -174,7 +264,7 @@ TEST(MainTest, AKeyItMadeOpensItAndIsNeverInTheLog) {
   v1::GetServerInfoResponse info;
   EXPECT_TRUE(stub->GetServerInfo(&context, {}, &info).ok());
   server.process.Signal(SIGTERM);
-  const std::string log = server.process.ReadAll();
+  const std::string log = absl::StrJoin(server.process.ReadLines(), "\n");
   EXPECT_THAT(log, HasSubstr("those before stay: --api-keys = " + file +
                              ": line 1, expected"));
   EXPECT_THAT(log, Not(HasSubstr(key.substr(9, 12))));

@@ -1,6 +1,7 @@
 #include "server/server_config.h"
 
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include <gmock/gmock.h>
@@ -28,6 +29,48 @@ TEST(ServerConfigTest, NamesFieldValueAndRange) {
   config.workers = 0;
   EXPECT_THAT(config.Validate(),
               StatusIs(kInvalid, HasSubstr("--workers = 0, expected 1 to")));
+}
+
+TEST(ServerConfigTest, EveryRangeIsChecked) {
+  const std::vector<std::pair<const char*, void (*)(ServerConfig&)>> cases = {
+      {"--metrics-listen = 7444, expected HOST:PORT",
+       [](auto& c) { c.metrics_listen = "7444"; }},
+      {"--metrics-listen = [::1]:7444, expected HOST:PORT of IPv4",
+       [](auto& c) { c.metrics_listen = "[::1]:7444"; }},
+      {"--threads-per-job = -1, expected 0 to 1024",
+       [](auto& c) { c.threads_per_job = -1; }},
+      {"--memory-budget = -1, expected 0 to 1024TiB",
+       [](auto& c) { c.memory_budget_bytes = -1; }},
+      {"--blob-store-bytes = 1MiB, expected 16MiB to 1024TiB",
+       [](auto& c) { c.blob_store_bytes = 1 << 20; }},
+      {"--max-queued-jobs = 0, expected 1 to 100000",
+       [](auto& c) { c.max_queued_jobs = 0; }},
+      {"--max-kept-jobs = 0, expected 1 to 1000000",
+       [](auto& c) { c.max_kept_jobs = 0; }},
+      {"--max-request-bytes = 1MiB, expected 2MiB to 512MiB",
+       [](auto& c) { c.max_request_bytes = 1 << 20; }},
+      {"--max-mesh-bytes = 600MiB, expected 1 to 512MiB",
+       [](auto& c) { c.max_mesh_bytes = 600 << 20; }},
+      {"--max-queued-jobs-per-tenant = -1, expected 0 to 100000",
+       [](auto& c) { c.max_queued_jobs_per_tenant = -1; }},
+      {"--job-retention = 1s, expected 1m to 87648h",
+       [](auto& c) { c.job_retention = absl::Seconds(1); }},
+      {"--drain-timeout = 25h, expected 0 to 24h",
+       [](auto& c) { c.drain_timeout = absl::Hours(25); }},
+      {"--watch-heartbeat = 1ms, expected 10ms to 1h",
+       [](auto& c) { c.watch_heartbeat = absl::Milliseconds(1); }},
+      {"--upload-idle-timeout = 2h, expected 10ms to 1h",
+       [](auto& c) { c.upload_idle_timeout = absl::Hours(2); }},
+      {"--log-level = loud, expected trace, debug",
+       [](auto& c) { c.log_level = "loud"; }},
+      {"--log-format = xml, expected text, json",
+       [](auto& c) { c.log_format = "xml"; }},
+  };
+  for (const auto& [message, break_it] : cases) {
+    ServerConfig config;
+    break_it(config);
+    EXPECT_THAT(config.Validate(), StatusIs(kInvalid, HasSubstr(message)));
+  }
 }
 
 TEST(ServerConfigTest, ListensBeyondThisMachineOnlyWithTlsAndKeysOrWhenTold) {
@@ -90,7 +133,11 @@ TEST(ServerConfigTest, KnowsLoopbackAddresses) {
 
 std::optional<int> Parse(std::vector<const char*> flags, ServerConfig& config) {
   flags.insert(flags.begin(), "isomatch-server");
-  return ParseServerFlags(static_cast<int>(flags.size()), flags.data(), config);
+  ServerCommand command{config, std::nullopt};
+  const std::optional<int> status =
+      ParseServerFlags(static_cast<int>(flags.size()), flags.data(), command);
+  config = command.config;
+  return status;
 }
 
 TEST(ServerFlagsTest, AreReadWithTheirUnits) {

@@ -74,6 +74,7 @@ TestServer::~TestServer() {
 ServerConfig TestServer::TestConfig() {
   ServerConfig config;
   config.listen = "127.0.0.1:0";
+  config.metrics_listen = "off";
   return config;
 }
 

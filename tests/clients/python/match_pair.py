@@ -27,7 +27,7 @@ TIMEOUT_SECONDS = 100
 def start_server(binary):
     """Returns the process and the address it says it listens on."""
     server = subprocess.Popen(
-        [binary, "--listen", "127.0.0.1:0"], stderr=subprocess.PIPE, text=True
+        [binary, "--listen", "127.0.0.1:0", "--metrics-listen", "off"], stderr=subprocess.PIPE, text=True
     )
     for line in server.stderr:
         found = re.search(r"listens on (\S+)", line)

@@ -1,0 +1,43 @@
+#include "server/job_log.h"
+
+#include <string>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "server/logging/log.h"
+
+namespace isomatch {
+namespace {
+
+void AddError(const JobError& error, std::string& message, LogFields& fields) {
+  absl::StrAppend(&message, ": ", error.reason, ": ", error.message);
+  fields.push_back({"reason", error.reason});
+  fields.push_back({"code", absl::StatusCodeToString(error.code)});
+  fields.push_back({"error", error.message});
+}
+
+void AddResult(const JobRecord& job, std::string& message, LogFields& fields) {
+  const JobResult& result = *job.result;
+  absl::StrAppendFormat(&message,
+                        ", ran %.1f s, estimate %d MiB, process peak %d MiB",
+                        result.run_seconds, job.memory_estimate_bytes >> 20,
+                        result.peak_resident_bytes >> 20);
+  fields.push_back({"run_seconds", result.run_seconds});
+  fields.push_back({"memory_estimate_bytes", job.memory_estimate_bytes});
+  fields.push_back({"memory_measured_bytes", result.peak_resident_bytes});
+}
+
+}  // namespace
+
+void LogState(const JobRecord& job, absl::Time now) {
+  const double seconds = absl::ToDoubleSeconds(now - job.create_time);
+  const std::string state = JobStateName(job.state);
+  std::string message =
+      absl::StrFormat("job %s %s after %.1f s", job.id, state, seconds);
+  LogFields fields = {{"job", job.id}, {"state", state}, {"seconds", seconds}};
+  if (job.error) AddError(*job.error, message, fields);
+  if (job.result) AddResult(job, message, fields);
+  Log(job.error ? LogLevel::kWarning : LogLevel::kInfo, message, fields);
+}
+
+}  // namespace isomatch

@@ -1,0 +1,12 @@
+#pragma once
+
+#include "absl/time/time.h"
+#include "server/storage/job_record.h"
+
+namespace isomatch {
+
+/// Logs a change of state, once for each, as JobManager's on_state is called:
+/// failures as warnings, everything else as information.
+void LogState(const JobRecord& job, absl::Time now);
+
+}  // namespace isomatch

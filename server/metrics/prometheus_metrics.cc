@@ -1,0 +1,259 @@
+#include "server/metrics/prometheus_metrics.h"
+
+#include <cstdint>
+#include <exception>
+#include <future>
+#include <utility>
+#include <vector>
+
+#include <prometheus/collectable.h>
+#include <prometheus/counter.h>
+#include <prometheus/exposer.h>
+#include <prometheus/gauge.h>
+#include <prometheus/histogram.h>
+#include <prometheus/registry.h>
+#include <boost/asio/ip/tcp.hpp>
+
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+
+namespace isomatch {
+namespace {
+
+using prometheus::Counter;
+using prometheus::Family;
+using prometheus::Histogram;
+using prometheus::MetricFamily;
+using prometheus::Registry;
+using Buckets = Histogram::BucketBoundaries;
+
+/// Seconds, from a job of two tiny meshes to one of hours.
+const Buckets& JobBuckets() {
+  static const Buckets buckets = {0.01, 0.05, 0.1, 0.5, 1,   2,    5,    10,
+                                  20,   60,   120, 300, 600, 1800, 3600, 14400};
+  return buckets;
+}
+
+/// Seconds, from GetJob to a WatchJob of a long job.
+const Buckets& CallBuckets() {
+  static const Buckets buckets = {0.0005, 0.001, 0.005, 0.01, 0.05, 0.1,
+                                  0.5,    1,     5,     30,   300,  3600};
+  return buckets;
+}
+
+/// Below 1 the estimate was too low.
+const Buckets& RatioBuckets() {
+  static const Buckets buckets = {0.5, 0.8, 1, 1.25, 1.5, 2, 3, 5, 10};
+  return buckets;
+}
+
+MetricFamily MakeGauge(const std::string& name, const std::string& help,
+                       double value) {
+  MetricFamily family;
+  family.name = absl::StrCat("isomatch_", name);
+  family.help = help;
+  family.type = prometheus::MetricType::Gauge;
+  family.metric.resize(1);
+  family.metric[0].gauge.value = value;
+  return family;
+}
+
+/// Gauges that are read when Prometheus asks.
+class LoadCollector final : public prometheus::Collectable {
+ public:
+  explicit LoadCollector(PrometheusMetrics::ReadLoad read_load)
+      : read_load_(std::move(read_load)) {}
+
+  std::vector<MetricFamily> Collect() const override {
+    const LoadFigures load = read_load_();
+    const auto bytes = [](std::int64_t count) {
+      return static_cast<double>(count);
+    };
+    return {
+        MakeGauge("jobs_queued", "Jobs that wait", load.queued_jobs),
+        MakeGauge("jobs_running", "Jobs that have a worker", load.running_jobs),
+        MakeGauge("watchers", "WatchJob streams that are open", load.watchers),
+        MakeGauge("memory_budget_bytes",
+                  "What running jobs may reserve together",
+                  bytes(load.memory_budget_bytes)),
+        MakeGauge("memory_reserved_bytes", "What running jobs have reserved",
+                  bytes(load.memory_reserved_bytes)),
+        MakeGauge("memory_measured_bytes",
+                  "Peak resident memory since a job last started",
+                  bytes(load.memory_measured_bytes)),
+        MakeGauge("stored_bytes", "Meshes and results that are kept",
+                  bytes(load.stored_bytes)),
+    };
+  }
+
+ private:
+  const PrometheusMetrics::ReadLoad read_load_;
+};
+
+std::vector<std::string> EndpointOptions(const std::string& address) {
+  return {"listening_ports", address, "num_threads", "2",
+          // A peer that says nothing does not hold a thread for long.
+          "request_timeout_ms", "10000"};
+}
+
+using boost::asio::ip::tcp;
+
+/// Where this machine reaches what listens on HOST:PORT.
+tcp::endpoint Reach(const std::string& listening) {
+  namespace ip = boost::asio::ip;
+  const size_t colon = listening.rfind(':');
+  int port = 0;
+  (void)absl::SimpleAtoi(listening.substr(colon + 1), &port);
+  boost::system::error_code is_name;
+  ip::address address = ip::make_address(listening.substr(0, colon), is_name);
+  if (is_name || address.is_unspecified()) {
+    address = ip::address_v4::loopback();
+  }
+  return {address, static_cast<std::uint16_t>(port)};
+}
+
+/// Connects and hangs up.
+void Knock(const tcp::endpoint& endpoint) {
+  boost::asio::io_context context;
+  tcp::socket socket(context);
+  boost::system::error_code ignored;
+  socket.connect(endpoint, ignored);
+}
+
+/// The library looks only every 2 s whether it is to stop, unless somebody
+/// calls: far too long for a server that stops.
+void Stop(std::unique_ptr<prometheus::Exposer> exposer,
+          const std::string& address) {
+  const tcp::endpoint endpoint = Reach(address);
+  const auto stopped =
+      std::async(std::launch::async, [&exposer] { exposer.reset(); });
+  constexpr absl::Duration kKnockAgain = absl::Milliseconds(10);
+  do {
+    Knock(endpoint);
+  } while (stopped.wait_for(absl::ToChronoMilliseconds(kKnockAgain)) !=
+           std::future_status::ready);
+}
+
+}  // namespace
+
+class PrometheusMetrics::Impl {
+ public:
+  Family<Counter>& AddCounter(const std::string& name,
+                              const std::string& help) {
+    return prometheus::BuildCounter()
+        .Name(absl::StrCat("isomatch_", name))
+        .Help(help)
+        .Register(*registry);
+  }
+
+  Family<Histogram>& AddHistogram(const std::string& name,
+                                  const std::string& help) {
+    return prometheus::BuildHistogram()
+        .Name(absl::StrCat("isomatch_", name))
+        .Help(help)
+        .Register(*registry);
+  }
+
+  const std::shared_ptr<Registry> registry = std::make_shared<Registry>();
+  Family<Counter>& jobs = AddCounter("jobs_total", "Jobs that became terminal");
+  Histogram& queue_wait =
+      AddHistogram("queue_wait_seconds", "From CreateJob to a worker")
+          .Add({}, JobBuckets());
+  Family<Histogram>& run =
+      AddHistogram("run_seconds", "How long terminal jobs had a worker");
+  Family<Histogram>& stage =
+      AddHistogram("stage_seconds", "Stages of jobs that succeeded");
+  Histogram& estimate_ratio =
+      AddHistogram("memory_estimate_ratio",
+                   "Memory estimate of a job over the measured peak")
+          .Add({}, RatioBuckets());
+  Counter& upload_bytes =
+      AddCounter("upload_bytes_total", "Chunks of UploadMesh").Add({});
+  Family<Counter>& handled =
+      AddCounter("grpc_server_handled_total", "Calls that were answered");
+  Family<Histogram>& handling =
+      AddHistogram("grpc_server_handling_seconds", "From a call to its answer");
+
+  // All three only while it listens.
+  std::shared_ptr<LoadCollector> load;
+  std::string address;
+  std::unique_ptr<prometheus::Exposer> exposer;
+};
+
+PrometheusMetrics::PrometheusMetrics(const std::string& version)
+    : impl_(std::make_unique<Impl>()) {
+  prometheus::BuildGauge()
+      .Name("isomatch_build_info")
+      .Help("Always 1; the label tells the version")
+      .Register(*impl_->registry)
+      .Add({{"version", version}})
+      .Set(1);
+}
+
+PrometheusMetrics::~PrometheusMetrics() { Close(); }
+
+absl::Status PrometheusMetrics::Listen(const std::string& address,
+                                       ReadLoad read_load) {
+  try {
+    impl_->exposer =
+        std::make_unique<prometheus::Exposer>(EndpointOptions(address));
+  } catch (const std::exception&) {  // it says no more than that it failed
+    return absl::UnavailableError(
+        absl::StrCat("cannot listen on ", address,
+                     " for metrics: is the port in use, or the address not of "
+                     "this machine? --metrics-listen off does without"));
+  }
+  const int port = impl_->exposer->GetListeningPorts().front();
+  impl_->address =
+      absl::StrCat(address.substr(0, address.rfind(':')), ":", port);
+  impl_->load = std::make_shared<LoadCollector>(std::move(read_load));
+  impl_->exposer->RegisterCollectable(impl_->registry);
+  impl_->exposer->RegisterCollectable(impl_->load);
+  return absl::OkStatus();
+}
+
+std::string PrometheusMetrics::address() const { return impl_->address; }
+
+void PrometheusMetrics::Close() {
+  if (impl_->exposer == nullptr) return;
+  Stop(std::move(impl_->exposer), impl_->address);
+  impl_->load.reset();
+  impl_->address.clear();
+}
+
+void PrometheusMetrics::JobStarted(absl::Duration waited) {
+  impl_->queue_wait.Observe(absl::ToDoubleSeconds(waited));
+}
+
+void PrometheusMetrics::JobEnded(const std::string& state,
+                                 const std::string& reason) {
+  impl_->jobs.Add({{"state", state}, {"reason", reason}}).Increment();
+}
+
+void PrometheusMetrics::JobRan(const std::string& state, absl::Duration ran) {
+  impl_->run.Add({{"state", state}}, JobBuckets())
+      .Observe(absl::ToDoubleSeconds(ran));
+}
+
+void PrometheusMetrics::StageRan(const std::string& stage, absl::Duration ran) {
+  impl_->stage.Add({{"stage", stage}}, JobBuckets())
+      .Observe(absl::ToDoubleSeconds(ran));
+}
+
+void PrometheusMetrics::JobMeasured(double estimate_ratio) {
+  impl_->estimate_ratio.Observe(estimate_ratio);
+}
+
+void PrometheusMetrics::Uploaded(std::int64_t bytes) {
+  impl_->upload_bytes.Increment(static_cast<double>(bytes));
+}
+
+void PrometheusMetrics::CallHandled(const std::string& method,
+                                    const std::string& code,
+                                    absl::Duration handled) {
+  impl_->handled.Add({{"method", method}, {"code", code}}).Increment();
+  impl_->handling.Add({{"method", method}}, CallBuckets())
+      .Observe(absl::ToDoubleSeconds(handled));
+}
+
+}  // namespace isomatch

@@ -1,0 +1,248 @@
+#include "server/rpc/call_interceptor.h"
+
+#include <algorithm>
+#include <map>
+#include <utility>
+
+#include <google/protobuf/descriptor.h>
+#include <grpcpp/server_context.h>
+
+#include "absl/status/status.h"
+#include "absl/strings/ascii.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "isomatch/v1/service.pb.h"
+#include "server/convert/job_name.h"
+#include "server/logging/log.h"
+
+namespace isomatch {
+namespace {
+
+using grpc::experimental::InterceptionHookPoints;
+using grpc::experimental::InterceptorBatchMethods;
+using grpc::experimental::ServerRpcInfo;
+using Metadata = std::multimap<grpc::string_ref, grpc::string_ref>;
+
+constexpr char kRequestIdKey[] = "x-request-id";
+constexpr size_t kMaxRequestIdBytes = 128;
+/// Of an error message; some quote what the client sent.
+constexpr size_t kMaxErrorBytes = 300;
+
+bool IsRequestId(const std::string& text) {
+  return !text.empty() && text.size() <= kMaxRequestIdBytes &&
+         std::all_of(text.begin(), text.end(), [](char c) {
+           return absl::ascii_isalnum(c) || c == '.' || c == '_' || c == '-';
+         });
+}
+
+/// "00-" 32 hex digits "-" 16 "-" 2, as W3C Trace Context has it.
+bool IsTraceparent(const std::string& text) {
+  constexpr absl::string_view kShape =
+      "hh-hhhhhhhhhhhhhhhhhhhhhhhhhhhhhhhh-hhhhhhhhhhhhhhhh-hh";
+  return text.size() == kShape.size() &&
+         std::equal(
+             text.begin(), text.end(), kShape.begin(), [](char c, char shape) {
+               return shape == '-'
+                          ? c == '-'
+                          : absl::ascii_isxdigit(c) && !absl::ascii_isupper(c);
+             });
+}
+
+/// Returns the first value of `key` that is as it should be, or "".
+std::string FindMetadata(const Metadata& metadata, const char* key,
+                         bool (*is_valid)(const std::string&)) {
+  const auto [begin, end] = metadata.equal_range(key);
+  for (auto entry = begin; entry != end; ++entry) {
+    std::string value(entry->second.data(), entry->second.size());
+    if (is_valid(value)) return value;
+  }
+  return "";
+}
+
+/// Reads a job's id from a message whose type the method tells; "" for none.
+using JobOf = std::string (*)(const void* message);
+
+template <typename Request>
+std::string JobOfRequest(const void* message) {
+  const auto id = ParseJobName(static_cast<const Request*>(message)->name());
+  return id.ok() ? *id : "";
+}
+
+std::string JobOfCreate(const void* message) {
+  const auto* const response =
+      static_cast<const v1::CreateJobResponse*>(message);
+  const auto id = ParseJobName(response->job().name());
+  return id.ok() ? *id : "";
+}
+
+/// For methods that nobody serves, so that a client cannot make labels.
+constexpr char kOtherMethod[] = "other";
+
+/// How calls of one method are told apart from those of others.
+struct Method {
+  /// "package.Service/Method".
+  std::string name = kOtherMethod;
+  JobOf job_of_request = nullptr;
+  JobOf job_of_response = nullptr;
+};
+
+/// Methods by gRPC's path, which is "/" and the name.
+using Methods = std::map<std::string, Method>;
+
+void AddService(const char* name, Methods& methods) {
+  const auto* const service =
+      google::protobuf::DescriptorPool::generated_pool()->FindServiceByName(
+          name);
+  if (service == nullptr) return;  // this server does not have it
+  for (int i = 0; i < service->method_count(); ++i) {
+    const std::string method =
+        absl::StrCat(name, "/", service->method(i)->name());
+    methods[absl::StrCat("/", method)].name = method;
+  }
+}
+
+Methods KnownMethods() {
+  Methods methods;
+  AddService("isomatch.v1.CorrespondenceService", methods);
+  AddService("grpc.health.v1.Health", methods);
+  AddService("grpc.reflection.v1alpha.ServerReflection", methods);
+  const auto of = [&](const char* name) -> Method& {
+    return methods[absl::StrCat("/isomatch.v1.CorrespondenceService/", name)];
+  };
+  of("CreateJob").job_of_response = JobOfCreate;
+  of("GetJob").job_of_request = JobOfRequest<v1::GetJobRequest>;
+  of("WatchJob").job_of_request = JobOfRequest<v1::WatchJobRequest>;
+  of("CancelJob").job_of_request = JobOfRequest<v1::CancelJobRequest>;
+  of("DeleteJob").job_of_request = JobOfRequest<v1::DeleteJobRequest>;
+  of("DownloadResult").job_of_request = JobOfRequest<v1::DownloadResultRequest>;
+  return methods;
+}
+
+/// One call. gRPC calls it at the hooks below, in the order of the life of the
+/// call; the only ones that may come at the same time are those of messages of
+/// a stream, and from those nothing is read.
+class CallInterceptor final : public grpc::experimental::Interceptor {
+ public:
+  CallInterceptor(const CallObservation& observation, const Method& method,
+                  ServerRpcInfo& call)
+      : observation_(observation),
+        method_(method),
+        call_(call),
+        begin_(observation.now()) {}
+
+  void Intercept(InterceptorBatchMethods* batch) override {
+    const auto at = [&](InterceptionHookPoints hook) {
+      return batch->QueryInterceptionHookPoint(hook);
+    };
+    if (at(InterceptionHookPoints::POST_RECV_INITIAL_METADATA)) {
+      ReadMetadata(*batch->GetRecvInitialMetadata());
+    }
+    if (at(InterceptionHookPoints::POST_RECV_MESSAGE)) {
+      ReadJob(method_.job_of_request, batch->GetRecvMessage());
+    }
+    if (at(InterceptionHookPoints::PRE_SEND_INITIAL_METADATA)) {
+      batch->GetSendInitialMetadata()->emplace(kRequestIdKey, request_id_);
+    }
+    if (at(InterceptionHookPoints::PRE_SEND_MESSAGE) &&
+        method_.job_of_response != nullptr) {
+      ReadJob(method_.job_of_response, batch->GetSendMessage());
+    }
+    if (at(InterceptionHookPoints::PRE_SEND_STATUS)) {
+      Finish(batch->GetSendStatus());
+    }
+    batch->Proceed();
+  }
+
+ private:
+  void ReadMetadata(const Metadata& metadata) {
+    request_id_ = FindMetadata(metadata, kRequestIdKey, IsRequestId);
+    if (request_id_.empty()) request_id_ = observation_.new_id();
+    traceparent_ = FindMetadata(metadata, "traceparent", IsTraceparent);
+  }
+
+  void ReadJob(JobOf job_of, const void* message) {
+    if (job_of != nullptr && message != nullptr) job_ = job_of(message);
+  }
+
+  void Finish(const grpc::Status& status) {
+    const absl::Duration handled = observation_.now() - begin_;
+    const std::string code = absl::StatusCodeToString(
+        static_cast<absl::StatusCode>(status.error_code()));
+    observation_.metrics->CallHandled(method_.name, code, handled);
+    const LogLevel level = status.ok() ? LogLevel::kDebug : LogLevel::kInfo;
+    if (!observation_.log || !ShouldLog(level)) return;
+    const std::string error = ErrorOf(status);
+    Log(level, Describe(code, handled, error), Fields(code, handled, error));
+  }
+
+  std::string ErrorOf(const grpc::Status& status) const {
+    // gRPC's answer when the client cancelled at once, or sent too many bytes
+    // or no message of the method.
+    if (status.error_code() == grpc::StatusCode::UNIMPLEMENTED &&
+        method_.name != kOtherMethod) {
+      return "no readable request came";
+    }
+    return status.error_message().substr(0, kMaxErrorBytes);
+  }
+
+  std::string Describe(const std::string& code, absl::Duration handled,
+                       const std::string& error) const {
+    std::string text =
+        absl::StrFormat("rpc %s %s after %.4f s, request %s, peer %s",
+                        method_.name, code, absl::ToDoubleSeconds(handled),
+                        request_id_, call_.server_context()->peer());
+    if (!job_.empty()) absl::StrAppend(&text, ", job ", job_);
+    if (!traceparent_.empty()) absl::StrAppend(&text, ", trace ", traceparent_);
+    if (!error.empty()) absl::StrAppend(&text, ": ", error);
+    return text;
+  }
+
+  LogFields Fields(const std::string& code, absl::Duration handled,
+                   const std::string& error) const {
+    LogFields fields = {{"method", method_.name},
+                        {"code", code},
+                        {"seconds", absl::ToDoubleSeconds(handled)},
+                        {"request_id", request_id_},
+                        {"peer", call_.server_context()->peer()}};
+    if (!job_.empty()) fields.push_back({"job", job_});
+    if (!traceparent_.empty()) fields.push_back({"traceparent", traceparent_});
+    if (!error.empty()) fields.push_back({"error", error});
+    return fields;
+  }
+
+  const CallObservation& observation_;
+  const Method& method_;
+  ServerRpcInfo& call_;
+  const absl::Time begin_;
+  std::string request_id_;
+  std::string traceparent_;
+  std::string job_;
+};
+
+class CallInterceptors final
+    : public grpc::experimental::ServerInterceptorFactoryInterface {
+ public:
+  explicit CallInterceptors(CallObservation observation)
+      : observation_(std::move(observation)) {}
+
+  grpc::experimental::Interceptor* CreateServerInterceptor(
+      ServerRpcInfo* call) override {
+    const auto known = methods_.find(call->method());
+    return new CallInterceptor(
+        observation_, known == methods_.end() ? other_ : known->second, *call);
+  }
+
+ private:
+  const CallObservation observation_;
+  const Methods methods_ = KnownMethods();
+  const Method other_;
+};
+
+}  // namespace
+
+std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>
+MakeCallInterceptors(CallObservation observation) {
+  return std::make_unique<CallInterceptors>(std::move(observation));
+}
+
+}  // namespace isomatch

@@ -1,0 +1,62 @@
+#include "server/job_log.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/server/logging/captured_log.h"
+
+namespace isomatch {
+namespace {
+
+using testing::HasSubstr;
+
+JobRecord Job(JobState state) {
+  JobRecord job;
+  job.id = "abc";
+  job.state = state;
+  job.create_time = absl::FromUnixSeconds(100);
+  return job;
+}
+
+nlohmann::json Logged(const JobRecord& job) {
+  const CapturedLog log(LogFormat::kJson);
+  LogState(job, absl::FromUnixSeconds(103));
+  return log.lines().at(0);
+}
+
+TEST(JobLogTest, EveryStateIsALine) {
+  const nlohmann::json line = Logged(Job(JobState::kQueued));
+  EXPECT_EQ(line["message"], "job abc QUEUED after 3.0 s");
+  EXPECT_EQ(line["job"], "abc");
+  EXPECT_EQ(line["state"], "QUEUED");
+  EXPECT_EQ(line["seconds"], 3);
+}
+
+TEST(JobLogTest, AFailureIsAWarningWithReasonAndCode) {
+  JobRecord job = Job(JobState::kFailed);
+  job.error = JobError{absl::StatusCode::kDeadlineExceeded, "RUN_TIMEOUT",
+                       "it took too long"};
+  const nlohmann::json line = Logged(job);
+  EXPECT_EQ(line["level"], "warning");
+  EXPECT_EQ(line["reason"], "RUN_TIMEOUT");
+  EXPECT_EQ(line["code"], "DEADLINE_EXCEEDED");
+  EXPECT_THAT(line["message"].get<std::string>(),
+              HasSubstr("RUN_TIMEOUT: it took too long"));
+}
+
+TEST(JobLogTest, ASuccessTellsTimeAndMemory) {
+  JobRecord job = Job(JobState::kSucceeded);
+  job.memory_estimate_bytes = 5 << 20;
+  job.result.emplace();
+  job.result->run_seconds = 2;
+  job.result->peak_resident_bytes = 3 << 20;
+  const nlohmann::json line = Logged(job);
+  EXPECT_EQ(line["run_seconds"], 2);
+  EXPECT_EQ(line["memory_estimate_bytes"], 5 << 20);
+  EXPECT_EQ(line["memory_measured_bytes"], 3 << 20);
+  EXPECT_THAT(line["message"].get<std::string>(),
+              HasSubstr("ran 2.0 s, estimate 5 MiB, process peak 3 MiB"));
+}
+
+}  // namespace
+}  // namespace isomatch

@@ -1,0 +1,107 @@
+#include "server/metrics/prometheus_metrics.h"
+
+#include <string>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/server/metrics/http_get.h"
+#include "tests/support/matchers.h"
+
+namespace isomatch {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::Not;
+using testing::StartsWith;
+
+constexpr char kFreePort[] = "127.0.0.1:0";
+
+TEST(PrometheusMetricsTest, TellsTheLoadOfTheMomentOfTheScrape) {
+  PrometheusMetrics metrics("1.2.3");
+  LoadFigures load{.queued_jobs = 3,
+                   .running_jobs = 2,
+                   .watchers = 5,
+                   .memory_budget_bytes = 4096,
+                   .memory_reserved_bytes = 1024,
+                   .memory_measured_bytes = 2048,
+                   .stored_bytes = 77};
+  ASSERT_THAT(metrics.Listen(kFreePort, [&] { return load; }), IsOk());
+  EXPECT_THAT(HttpGet(metrics.address(), "/metrics"),
+              AllOf(StartsWith("HTTP/1.1 200"),
+                    HasSubstr("# TYPE isomatch_jobs_queued gauge\n"),
+                    HasSubstr("\nisomatch_jobs_queued 3\n"),
+                    HasSubstr("\nisomatch_jobs_running 2\n"),
+                    HasSubstr("\nisomatch_watchers 5\n"),
+                    HasSubstr("\nisomatch_memory_budget_bytes 4096\n"),
+                    HasSubstr("\nisomatch_memory_reserved_bytes 1024\n"),
+                    HasSubstr("\nisomatch_memory_measured_bytes 2048\n"),
+                    HasSubstr("\nisomatch_stored_bytes 77\n"),
+                    HasSubstr("\nisomatch_build_info{version=\"1.2.3\"} 1\n")));
+  load.queued_jobs = 4;
+  EXPECT_THAT(HttpGet(metrics.address(), "/metrics"),
+              HasSubstr("\nisomatch_jobs_queued 4\n"));
+}
+
+TEST(PrometheusMetricsTest, CountsWhatHappens) {
+  PrometheusMetrics metrics("1");
+  metrics.JobStarted(absl::Seconds(3));
+  metrics.JobEnded("FAILED", "RUN_TIMEOUT");
+  metrics.JobEnded("FAILED", "RUN_TIMEOUT");
+  metrics.JobRan("FAILED", absl::Seconds(40));
+  metrics.StageRan("zoomout", absl::Seconds(7));
+  metrics.JobMeasured(1.1);
+  metrics.Uploaded(100);
+  metrics.Uploaded(23);
+  metrics.CallHandled("s/M", "OK", absl::Milliseconds(3));
+  ASSERT_THAT(metrics.Listen(kFreePort, [] { return LoadFigures(); }), IsOk());
+  EXPECT_THAT(
+      HttpGet(metrics.address(), "/metrics"),
+      AllOf(HasSubstr("isomatch_jobs_total{reason=\"RUN_TIMEOUT\",state="
+                      "\"FAILED\"} 2\n"),
+            HasSubstr("isomatch_queue_wait_seconds_bucket{le=\"2\"} 0\n"),
+            HasSubstr("isomatch_queue_wait_seconds_bucket{le=\"5\"} 1\n"),
+            HasSubstr("isomatch_queue_wait_seconds_sum 3\n"),
+            HasSubstr("isomatch_run_seconds_sum{state=\"FAILED\"} 40\n"),
+            HasSubstr("isomatch_stage_seconds_sum{stage=\"zoomout\"} 7\n"),
+            HasSubstr("isomatch_memory_estimate_ratio_bucket{le=\"1\"} 0\n"),
+            HasSubstr("isomatch_memory_estimate_ratio_bucket{le=\"1.25\"} 1\n"),
+            HasSubstr("isomatch_upload_bytes_total 123\n"),
+            HasSubstr("isomatch_grpc_server_handled_total{code=\"OK\",method="
+                      "\"s/M\"} 1\n"),
+            HasSubstr("isomatch_grpc_server_handling_seconds_bucket{method="
+                      "\"s/M\",le=\"0.005\"} 1\n")));
+}
+
+TEST(PrometheusMetricsTest, OnlyMetricsAreServed) {
+  PrometheusMetrics metrics("1");
+  ASSERT_THAT(metrics.Listen(kFreePort, [] { return LoadFigures(); }), IsOk());
+  for (const char* path : {"/", "/etc/passwd", "/../etc/passwd"}) {
+    EXPECT_THAT(HttpGet(metrics.address(), path),
+                AllOf(StartsWith("HTTP/1.1 404"), Not(HasSubstr("root:"))))
+        << path;
+  }
+}
+
+TEST(PrometheusMetricsTest, APortInUseIsAnError) {
+  PrometheusMetrics first("1");
+  const auto no_load = [] { return LoadFigures(); };
+  ASSERT_THAT(first.Listen(kFreePort, no_load), IsOk());
+  PrometheusMetrics second("1");
+  EXPECT_THAT(
+      second.Listen(first.address(), no_load),
+      StatusIs(absl::StatusCode::kUnavailable, HasSubstr(first.address())));
+  EXPECT_EQ(second.address(), "");
+  first.Close();
+  EXPECT_EQ(first.address(), "");
+}
+
+TEST(PrometheusMetricsTest, TheNullObjectTakesEverything) {
+  Metrics& metrics = NullMetrics();
+  metrics.JobEnded("FAILED", "INTERNAL");
+  metrics.CallHandled("s/M", "OK", absl::Seconds(1));
+}
+
+}  // namespace
+}  // namespace isomatch
