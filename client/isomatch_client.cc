@@ -1,10 +1,7 @@
 #include "client/isomatch_client.h"
 
 #include <algorithm>
-#include <chrono>
-#include <condition_variable>
 #include <cstddef>
-#include <mutex>
 #include <utility>
 
 #include <grpcpp/client_context.h>
@@ -13,6 +10,7 @@
 #include "absl/strings/string_view.h"
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
+#include "client/call_retry.h"
 #include "client/rpc_status.h"
 #include "core/base/status_macros.h"
 #include "server/storage/sha256.h"
@@ -27,94 +25,11 @@ constexpr std::uint64_t kLandmarkBytes = 16;
 
 constexpr std::uint64_t kDefaultChunkBytes = 64 << 10;
 
-// From the first failure on; the pauses grow from the first to the longest.
-constexpr absl::Duration kPatience = absl::Seconds(10);
-constexpr absl::Duration kFirstPause = absl::Milliseconds(100);
-constexpr absl::Duration kLongestPause = absl::Seconds(2);
-
 // What a server gets to answer for the first time: the address may be wrong.
 constexpr absl::Duration kFirstContact = absl::Seconds(3);
 
 // What telling the server to cancel may take.
 constexpr absl::Duration kCancelTimeout = absl::Seconds(3);
-
-// Sleeps; returns at once when `stop` is requested.
-void Pause(absl::Duration duration, const std::stop_token& stop) {
-  std::mutex mutex;
-  std::condition_variable_any never;
-  std::unique_lock lock(mutex);
-  never.wait_for(lock, stop, absl::ToChronoMilliseconds(duration),
-                 [] { return false; });
-}
-
-// Pauses between attempts that end with UNAVAILABLE.
-class Backoff {
- public:
-  explicit Backoff(const std::stop_token& stop,
-                   absl::Duration patience = kPatience)
-      : stop_(stop), patience_(patience) {}
-
-  void Reset() {
-    give_up_ = absl::InfiniteFuture();
-    pause_ = kFirstPause;
-  }
-
-  // True after a pause when `status` calls for another attempt.
-  bool Again(const absl::Status& status) {
-    const absl::Time now = absl::Now();
-    give_up_ = std::min(give_up_, now + patience_);
-    if (status.code() != absl::StatusCode::kUnavailable ||
-        now + pause_ > give_up_) {
-      return false;
-    }
-    Pause(pause_, stop_);
-    pause_ = std::min(2 * pause_, kLongestPause);
-    return !stop_.stop_requested();
-  }
-
- private:
-  const std::stop_token& stop_;
-  const absl::Duration patience_;
-  absl::Time give_up_ = absl::InfiniteFuture();
-  absl::Duration pause_ = kFirstPause;
-};
-
-// A call's context that ends the call when `stop` is requested.
-class StoppableContext {
- public:
-  explicit StoppableContext(const std::stop_token& stop)
-      : cancel_(stop, [this] { context_.TryCancel(); }) {}
-  grpc::ClientContext* get() { return &context_; }
-
- private:
-  grpc::ClientContext context_;
-  std::stop_callback<std::function<void()>> cancel_;
-};
-
-absl::Status Stopped() { return absl::CancelledError("cancelled by the user"); }
-
-// A call that ends with CANCELLED without the user's wish was lost: a server
-// that stops ends its calls so.
-absl::Status OfCall(const grpc::Status& status, const std::stop_token& stop) {
-  if (status.error_code() == grpc::StatusCode::CANCELLED &&
-      !stop.stop_requested()) {
-    return absl::UnavailableError("the server ended the call");
-  }
-  return FromGrpc(status);
-}
-
-// Calls `call(context)` until it ends with anything but UNAVAILABLE.
-template <typename Call>
-absl::Status Retry(const std::stop_token& stop, const Call& call,
-                   absl::Duration patience = kPatience) {
-  Backoff backoff(stop, patience);
-  absl::Status status;
-  do {
-    StoppableContext context(stop);
-    status = OfCall(call(context.get()), stop);
-  } while (backoff.Again(status));
-  return stop.stop_requested() && !status.ok() ? Stopped() : status;
-}
 
 bool IsTerminal(const v1::Job& job) {
   return job.state() == v1::Job::STATE_SUCCEEDED ||
@@ -184,6 +99,12 @@ v1::CreateJobRequest MakeRequest(
   options.set_threads(request.threads);
   options.set_landmarks_exact(request.landmarks_exact);
   options.set_functional_map(Wants(request, v1::RESULT_PART_FUNCTIONAL_MAP));
+  if (request.solved_vertices) {
+    options.set_solved_vertices(*request.solved_vertices);
+  }
+  message.set_priority(request.priority);
+  // Nobody else knows the job's name.
+  message.set_disconnect_policy(v1::DISCONNECT_POLICY_CANCEL);
   message.set_request_id(RandomUuid());
   return message;
 }
@@ -300,19 +221,7 @@ absl::StatusOr<MatchResult> IsomatchClient::Match(const MatchRequest& request,
 absl::Status IsomatchClient::UploadMissing(const Encoded& meshes,
                                            std::uint64_t chunk_bytes,
                                            const std::stop_token& stop) {
-  v1::FindMissingMeshesRequest request;
-  *request.add_digests() = DigestOf(meshes.first.bytes);
-  *request.add_digests() = DigestOf(meshes.second.bytes);
-  v1::FindMissingMeshesResponse response;
-  ISOMATCH_RETURN_IF_ERROR(Retry(stop, [&](grpc::ClientContext* context) {
-    return stub_->FindMissingMeshes(context, request, &response);
-  }));
   for (const EncodedMesh* mesh : {&meshes.first, &meshes.second}) {
-    const std::string sha256 = Sha256Hex(mesh->bytes);
-    const bool is_missing = std::any_of(
-        response.missing().begin(), response.missing().end(),
-        [&](const v1::Digest& digest) { return digest.sha256() == sha256; });
-    if (!is_missing) continue;
     ISOMATCH_RETURN_IF_ERROR(Upload(mesh->bytes, chunk_bytes, stop));
   }
   return absl::OkStatus();
@@ -321,21 +230,61 @@ absl::Status IsomatchClient::UploadMissing(const Encoded& meshes,
 absl::Status IsomatchClient::Upload(const std::string& bytes,
                                     std::uint64_t chunk_bytes,
                                     const std::stop_token& stop) {
-  const std::size_t step = chunk_bytes == 0 ? kDefaultChunkBytes : chunk_bytes;
-  return Retry(stop, [&](grpc::ClientContext* context) {
-    v1::UploadMeshResponse response;
-    const auto writer = stub_->UploadMesh(context, &response);
-    v1::UploadMeshRequest part;
-    *part.mutable_header() = DigestOf(bytes);
-    // A write fails when the server has answered already: known, or refused.
-    bool goes_on = writer->Write(part);
-    for (std::size_t at = 0; goes_on && at < bytes.size(); at += step) {
-      part.set_chunk(bytes.substr(at, step));
-      goes_on = writer->Write(part);
+  const v1::Digest digest = DigestOf(bytes);
+  Backoff backoff(stop);
+  std::uint64_t offset = 0;
+  absl::Status status;
+  do {
+    ISOMATCH_ASSIGN_OR_RETURN(const std::optional<std::uint64_t> received,
+                              FindReceived(digest, stop));
+    if (!received) return absl::OkStatus();
+    if (*received > offset) backoff.Reset();
+    offset = *received;
+    status = SendFrom(offset, bytes, digest, chunk_bytes, stop);
+    // An idle upload goes on. What the server has may have expired since, or be
+    // another's damage: then it is gone now, and the upload begins anew.
+    if (absl::IsDeadlineExceeded(status) ||
+        (offset > 0 && absl::IsInvalidArgument(status))) {
+      status = absl::UnavailableError(status.message());
     }
-    if (goes_on) writer->WritesDone();
-    return writer->Finish();
-  });
+  } while (backoff.Again(status));
+  return stop.stop_requested() && !status.ok() ? Stopped() : status;
+}
+
+absl::StatusOr<std::optional<std::uint64_t>> IsomatchClient::FindReceived(
+    const v1::Digest& digest, const std::stop_token& stop) {
+  v1::FindMissingMeshesRequest request;
+  *request.add_digests() = digest;
+  v1::FindMissingMeshesResponse response;
+  ISOMATCH_RETURN_IF_ERROR(Retry(stop, [&](grpc::ClientContext* context) {
+    return stub_->FindMissingMeshes(context, request, &response);
+  }));
+  if (response.missing().empty()) return std::nullopt;
+  // Servers before uploads could be resumed say nothing.
+  return response.received_bytes().empty() ? 0 : response.received_bytes(0);
+}
+
+absl::Status IsomatchClient::SendFrom(std::uint64_t offset,
+                                      const std::string& bytes,
+                                      const v1::Digest& digest,
+                                      std::uint64_t chunk_bytes,
+                                      const std::stop_token& stop) {
+  const std::size_t step = chunk_bytes == 0 ? kDefaultChunkBytes : chunk_bytes;
+  StoppableContext context(stop);
+  v1::UploadMeshResponse response;
+  const auto writer = stub_->UploadMesh(context.get(), &response);
+  v1::UploadMeshRequest part;
+  *part.mutable_header() = digest;
+  part.set_offset(offset);
+  // A write fails when the server has answered already: known, or refused.
+  bool goes_on = writer->Write(part);
+  part.clear_offset();
+  for (std::size_t at = offset; goes_on && at < bytes.size(); at += step) {
+    part.set_chunk(bytes.substr(at, step));
+    goes_on = writer->Write(part);
+  }
+  if (goes_on) writer->WritesDone();
+  return OfCall(writer->Finish(), stop);
 }
 
 absl::StatusOr<v1::Job> IsomatchClient::CreateJob(

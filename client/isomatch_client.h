@@ -36,6 +36,10 @@ struct MatchRequest {
   /// What to download beside the map. RESULT_PART_FUNCTIONAL_MAP is computed
   /// only when it is among them.
   std::vector<v1::ResultPart> parts = {};
+  /// As MatchOptions.solved_vertices; not set: the profile's choice.
+  std::optional<std::uint32_t> solved_vertices = {};
+  /// -100 to 100; jobs of a higher one start first.
+  std::int32_t priority = 0;
 };
 
 /// The map in the vertex numbering of the request, and what the server says
@@ -66,14 +70,14 @@ using JobCallback = std::function<void(const v1::Job&)>;
 ///      the server lacks are uploaded first and named by their SHA-256;
 ///   3. CreateJob carries a fresh request_id, so that sending it again after a
 ///      lost connection cannot start a second job;
-///   4. WatchJob is opened again where it was lost, DownloadResult too;
+///   4. UploadMesh, WatchJob and DownloadResult go on where they were lost;
 ///   5. the size and SHA-256 of each part of the result are verified.
 ///
 /// Calls that end with UNAVAILABLE are repeated with growing pauses, about ten
 /// seconds in all; each message received starts the count anew. Only the first
 /// call, which asks for the server's limits, has no more than three. When
 /// `stop` is requested the job is cancelled on the server and the call returns
-/// CANCELLED.
+/// CANCELLED. A client that vanishes has its job cancelled too.
 ///
 /// Thread-safe.
 class IsomatchClient {
@@ -98,6 +102,12 @@ class IsomatchClient {
                              const std::stop_token& stop);
   absl::Status Upload(const std::string& bytes, std::uint64_t chunk_bytes,
                       const std::stop_token& stop);
+  // Bytes of the mesh that the server has; nullopt when it has them all.
+  absl::StatusOr<std::optional<std::uint64_t>> FindReceived(
+      const v1::Digest& digest, const std::stop_token& stop);
+  absl::Status SendFrom(std::uint64_t offset, const std::string& bytes,
+                        const v1::Digest& digest, std::uint64_t chunk_bytes,
+                        const std::stop_token& stop);
   absl::StatusOr<v1::Job> CreateJob(const v1::CreateJobRequest& request,
                                     const std::stop_token& stop);
   absl::StatusOr<v1::Job> WatchToEnd(const v1::Job& created,

@@ -1,6 +1,7 @@
 #include <cstdint>
 #include <cstdlib>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -62,6 +63,8 @@ struct Arguments {
   std::string profile = "default";
   std::uint64_t random_seed = 1;
   std::uint32_t threads = 0;
+  std::optional<std::uint32_t> solved_vertices;
+  std::int32_t priority = 0;
   bool landmarks_exact = false;
   MatchOutputs outputs;
   bool no_progress = false;
@@ -93,6 +96,8 @@ absl::StatusOr<MatchRequest> MakeRequest(const Arguments& arguments,
       arguments.profile == "paper" ? v1::PROFILE_PAPER : v1::PROFILE_DEFAULT;
   request.random_seed = arguments.random_seed;
   request.threads = arguments.threads;
+  request.solved_vertices = arguments.solved_vertices;
+  request.priority = arguments.priority;
   request.landmarks_exact = arguments.landmarks_exact;
   request.parts = PartsFor(arguments.outputs);
   return request;
@@ -217,15 +222,14 @@ void AddOutputs(CLI::App* command, MatchOutputs* outputs) {
                       "JSON file about the run: times, memory, quality");
 }
 
-}  // namespace
-
-Command AddMatchCommand(CLI::App& app) {
-  CLI::App* command = app.add_subcommand(
-      "match", "Finds for every vertex of mesh X its place on mesh Y.");
-  const auto arguments = std::make_shared<Arguments>();
-  AddInputs(command, arguments.get());
-  AddOutputs(command, &arguments->outputs);
+// How and where the work is done.
+void AddRun(CLI::App* command, Arguments* arguments) {
   AddConnectionFlags(command, &arguments->connection);
+  command
+      ->add_option("--priority", arguments->priority,
+                   "With --server: jobs of a higher one start first")
+      ->check(CLI::Range(-100, 100))
+      ->capture_default_str();
   command
       ->add_option("--profile", arguments->profile,
                    "default: what measured best; paper: as published")
@@ -235,11 +239,25 @@ Command AddMatchCommand(CLI::App& app) {
       ->add_option("--random-seed", arguments->random_seed,
                    "The same seed gives the same map")
       ->capture_default_str();
+  command->add_option("--solved-vertices", arguments->solved_vertices,
+                      "Decimate larger meshes to about as many and lift the "
+                      "map; 0 never does, not given: as the profile has it");
   command
       ->add_option("--threads", arguments->threads,
                    "0: all cores, or the server's share")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();
+}
+
+}  // namespace
+
+Command AddMatchCommand(CLI::App& app) {
+  CLI::App* command = app.add_subcommand(
+      "match", "Finds for every vertex of mesh X its place on mesh Y.");
+  const auto arguments = std::make_shared<Arguments>();
+  AddInputs(command, arguments.get());
+  AddOutputs(command, &arguments->outputs);
+  AddRun(command, arguments.get());
   command->add_flag("--no-progress", arguments->no_progress,
                     "Say nothing on standard error but warnings and errors");
   command->footer(kFooter);

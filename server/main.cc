@@ -89,9 +89,8 @@ void GuardShutdown(const sigset_t& signals, absl::Duration drain) {
 }
 
 /// Returns the exit status: 0 when the server serves.
-int ReportHealth(const std::string& address) {
-  const absl::Status health =
-      ProbeHealth(address, ProbeTransport::kPlain, kProbeTimeout);
+int ReportHealth(const std::string& address, ProbeTransport transport) {
+  const absl::Status health = ProbeHealth(address, transport, kProbeTimeout);
   if (health.ok()) {
     std::cout << address << " SERVING\n";
     return 0;
@@ -127,7 +126,11 @@ int Main(int argc, char** argv) {
   SetUpLog(command.health_address ? "off" : config.log_level,
            config.log_format == "json" ? LogFormat::kJson : LogFormat::kText);
   RouteGrpcLog();
-  if (command.health_address) return ReportHealth(*command.health_address);
+  if (command.health_address) {
+    return ReportHealth(*command.health_address, config.tls_cert.empty()
+                                                     ? ProbeTransport::kPlain
+                                                     : ProbeTransport::kTls);
+  }
   return Serve(config);
 }
 

@@ -158,6 +158,7 @@ class Server::Impl {
   std::unique_ptr<ThreadPool> workers_;
   std::unique_ptr<ThreadPool> timers_;
   std::unique_ptr<ThreadPool> intake_;
+  PartialUploads partial_uploads_;
   JobManager manager_;
   const ServiceContext context_;
   CorrespondenceService service_;
@@ -181,6 +182,7 @@ Server::Impl::Impl(const ServerConfig& config, MatchEngine engine,
       workers_(std::make_unique<ThreadPool>(config.workers)),
       timers_(std::make_unique<ThreadPool>(1)),
       intake_(std::make_unique<ThreadPool>(1)),
+      partial_uploads_(&uploads_, timers_.get(), config.partial_upload_kept),
       manager_(MakeJobLimits(), MakeJobParts()),
       context_(MakeContext()),
       service_(context_) {}
@@ -188,6 +190,7 @@ Server::Impl::Impl(const ServerConfig& config, MatchEngine engine,
 Server::Impl::~Impl() {
   Shutdown(absl::ZeroDuration());
   if (prometheus_ != nullptr) prometheus_->Close();
+  partial_uploads_.Clear();
   intake_.reset();
   workers_.reset();
   timers_.reset();
@@ -204,6 +207,7 @@ JobManager::Limits Server::Impl::MakeJobLimits() const {
   limits.job_retention = config_.job_retention;
   limits.durable = config_.is_durable();
   limits.max_result_bytes = config_.blob_store_bytes / 4;
+  limits.unwatched_grace = config_.unwatched_grace;
   return limits;
 }
 
@@ -254,7 +258,7 @@ ServiceContext Server::Impl::MakeContext() {
   context.manager = &manager_;
   context.blobs = stores_.blobs.get();
   context.budget = &budget_;
-  context.uploads = &uploads_;
+  context.partial_uploads = &partial_uploads_;
   context.intake = intake_.get();
   context.metrics = &metrics_;
   context.parse = {stores_.blobs.get(), &runner_, MakeRequestLimits(config_),

@@ -143,6 +143,10 @@ absl::Status ServerConfig::Validate() const {
       CheckDuration("--watch-heartbeat", watch_heartbeat, kStreamTimes));
   ISOMATCH_RETURN_IF_ERROR(CheckDuration("--upload-idle-timeout",
                                          upload_idle_timeout, kStreamTimes));
+  ISOMATCH_RETURN_IF_ERROR(CheckDuration(
+      "--partial-upload-kept", partial_upload_kept, kPartialUploadKept));
+  ISOMATCH_RETURN_IF_ERROR(
+      CheckDuration("--unwatched-grace", unwatched_grace, kStreamTimes));
   ISOMATCH_RETURN_IF_ERROR(CheckWord(
       "--log-level", log_level,
       {"trace", "debug", "info", "warn", "error", "critical", "off"}));

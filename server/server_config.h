@@ -86,13 +86,21 @@ struct ServerConfig {
   static constexpr DurationRange kDrainTimeout = {absl::ZeroDuration(),
                                                   absl::Hours(24)};
   absl::Duration drain_timeout = absl::Seconds(30);
-  /// Of the next two.
+  /// Of the next two, and of unwatched_grace.
   static constexpr DurationRange kStreamTimes = {absl::Milliseconds(10),
                                                  absl::Hours(1)};
   /// A watcher hears from its job at least this often.
   absl::Duration watch_heartbeat = absl::Seconds(10);
   /// An upload that sends nothing for this long is dropped.
   absl::Duration upload_idle_timeout = absl::Seconds(30);
+  /// What an upload that broke off has brought is kept for this long, so that
+  /// it can go on there.
+  static constexpr DurationRange kPartialUploadKept = {absl::Milliseconds(10),
+                                                       absl::Hours(24)};
+  absl::Duration partial_upload_kept = absl::Minutes(5);
+  /// A job whose client wants it so is cancelled when nobody has watched it for
+  /// this long; see DisconnectGuard.
+  absl::Duration unwatched_grace = absl::Seconds(10);
   /// Terminal jobs that are remembered; the oldest go first.
   static constexpr IntRange kMaxKeptJobs = {1, 1'000'000};
   int max_kept_jobs = 1000;

@@ -82,7 +82,7 @@ void AddNewKeyFlags(CLI::App& app, NewApiKeyRequest& request) {
                      "to standard output, the key to standard error, then exit")
           ->check(CLI::Validator(CheckTenantName, "NAME"))
           ->configurable(false)
-      ->group("Security");
+          ->group("Security");
   app.add_option("--tenant", request.tenant,
                  "Of the new key: whose jobs and meshes it sees")
       ->check(CLI::Validator(CheckTenantName, "NAME"))
@@ -176,6 +176,13 @@ void AddOperationFlags(FlagSet& flags, ServerConfig& config) {
   flags.AddDuration("--upload-idle-timeout", config.upload_idle_timeout,
                     ServerConfig::kStreamTimes,
                     "An upload that sends nothing for this long is dropped");
+  flags.AddDuration("--partial-upload-kept", config.partial_upload_kept,
+                    ServerConfig::kPartialUploadKept,
+                    "An upload that broke off can go on within this time");
+  flags.AddDuration("--unwatched-grace", config.unwatched_grace,
+                    ServerConfig::kStreamTimes,
+                    "A job whose client wants it so is cancelled when nobody "
+                    "has watched it for this long");
   flags.AddText("--log-level", config.log_level, "LEVEL",
                 "trace, debug, info, warn, error, critical or off");
   flags.AddText("--log-format", config.log_format, "FORMAT",

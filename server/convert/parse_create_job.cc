@@ -1,6 +1,8 @@
 #include "server/convert/parse_create_job.h"
 
 #include <algorithm>
+#include <cstdint>
+#include <limits>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -9,6 +11,7 @@
 #include "core/base/status_macros.h"
 #include "core/io/draco_mesh.h"
 #include "server/convert/digest.h"
+#include "server/convert/labels.h"
 #include "server/jobs/errors.h"
 
 namespace isomatch {
@@ -136,6 +139,18 @@ absl::Status ParseLandmarks(const v1::CreateJobRequest& request,
                              std::string(valid.message()));
 }
 
+absl::Status ParseSolvedVertices(const v1::MatchOptions& proto,
+                                 MatchOptions& options) {
+  constexpr std::uint32_t kMost = std::numeric_limits<int>::max();
+  if (!proto.has_solved_vertices()) return absl::OkStatus();
+  options.solved_vertices =
+      static_cast<int>(std::min(proto.solved_vertices(), kMost));
+  if (options.Validate().ok()) return absl::OkStatus();
+  return InvalidField("options.solved_vertices",
+                      absl::StrCat(proto.solved_vertices(),
+                                   ", expected 0 or 500 to 1000000000"));
+}
+
 absl::Status ParseOptions(const v1::MatchOptions& proto, int threads_per_job,
                           JobSpec& spec) {
   if (!v1::Profile_IsValid(proto.profile())) {
@@ -153,6 +168,7 @@ absl::Status ParseOptions(const v1::MatchOptions& proto, int threads_per_job,
   spec.options.random_seed = proto.random_seed();
   spec.options.landmarks_exact = proto.landmarks_exact();
   spec.options.keep_functional_map = proto.functional_map();
+  ISOMATCH_RETURN_IF_ERROR(ParseSolvedVertices(proto, spec.options));
   const int threads = static_cast<int>(proto.threads());
   spec.options.threads =
       threads == 0 ? threads_per_job : std::min(threads, threads_per_job);
@@ -161,26 +177,6 @@ absl::Status ParseOptions(const v1::MatchOptions& proto, int threads_per_job,
                                          " were asked for, this server gives "
                                          "a job at most ",
                                          threads_per_job));
-  }
-  return absl::OkStatus();
-}
-
-absl::Status ParseLabels(const v1::CreateJobRequest& request, JobSpec& spec) {
-  if (request.labels_size() > RequestLimits::kMaxLabels) {
-    return InvalidField("labels", absl::StrCat(request.labels_size(),
-                                               " of them, expected at most ",
-                                               RequestLimits::kMaxLabels));
-  }
-  for (const auto& [key, value] : request.labels()) {
-    if (key.empty() || key.size() > RequestLimits::kMaxLabelKeyBytes ||
-        value.size() > RequestLimits::kMaxLabelValueBytes) {
-      return InvalidField("labels",
-                          absl::StrCat("expected keys of 1 to ",
-                                       RequestLimits::kMaxLabelKeyBytes,
-                                       " bytes and values of at most ",
-                                       RequestLimits::kMaxLabelValueBytes));
-    }
-    spec.labels[key] = value;
   }
   return absl::OkStatus();
 }
@@ -199,6 +195,25 @@ absl::StatusOr<std::optional<absl::Duration>> ParseTimeout(
   return absl::Seconds(proto.seconds()) + absl::Nanoseconds(proto.nanos());
 }
 
+absl::Status ParseScheduling(const v1::CreateJobRequest& request,
+                             JobSpec& spec) {
+  constexpr int kMost = RequestLimits::kMaxPriority;
+  if (request.priority() < -kMost || request.priority() > kMost) {
+    return InvalidField(
+        "priority",
+        absl::StrCat(request.priority(), ", expected ", -kMost, " to ", kMost));
+  }
+  if (!v1::DisconnectPolicy_IsValid(request.disconnect_policy())) {
+    return InvalidField("disconnect_policy",
+                        absl::StrCat(request.disconnect_policy(),
+                                     ", expected a DisconnectPolicy"));
+  }
+  spec.priority = request.priority();
+  spec.cancel_when_unwatched =
+      request.disconnect_policy() == v1::DISCONNECT_POLICY_CANCEL;
+  return absl::OkStatus();
+}
+
 /// Everything that can be checked without decoding.
 absl::Status ParseScalars(const v1::CreateJobRequest& request,
                           const ParseContext& context, JobSpec& spec) {
@@ -210,7 +225,9 @@ absl::Status ParseScalars(const v1::CreateJobRequest& request,
   }
   spec.request_id = request.request_id();
   spec.validate_only = request.validate_only();
-  ISOMATCH_RETURN_IF_ERROR(ParseLabels(request, spec));
+  ISOMATCH_ASSIGN_OR_RETURN(spec.labels,
+                            ParseLabels(request.labels(), "labels"));
+  ISOMATCH_RETURN_IF_ERROR(ParseScheduling(request, spec));
   ISOMATCH_RETURN_IF_ERROR(
       ParseOptions(request.options(), context.threads_per_job, spec));
   ISOMATCH_ASSIGN_OR_RETURN(

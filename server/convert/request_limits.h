@@ -20,8 +20,9 @@ struct RequestLimits {
   static constexpr int kMaxPageSize = 1000;
   static constexpr int kDefaultPageSize = 100;
   static constexpr int kMaxThreads = 1024;
+  static constexpr int kMaxPriority = 100;
   static constexpr size_t kMaxRequestIdBytes = 128;
-  static constexpr int kMaxLabels = 16;
+  static constexpr size_t kMaxLabels = 16;
   static constexpr size_t kMaxLabelKeyBytes = 63;
   static constexpr size_t kMaxLabelValueBytes = 255;
 };

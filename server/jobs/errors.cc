@@ -127,6 +127,15 @@ absl::Status UploadMalformed(const std::string& problem) {
   return Invalid("UPLOAD_MALFORMED", "part", problem);
 }
 
+absl::Status UploadOffsetBeyond(std::uint64_t offset,
+                                std::uint64_t received_bytes) {
+  return Invalid("UPLOAD_MALFORMED", "offset",
+                 absl::StrCat(offset, ", expected at most the ", received_bytes,
+                              " bytes that the server has"),
+                 {{"offset", absl::StrCat(offset)},
+                  {"received_bytes", absl::StrCat(received_bytes)}});
+}
+
 absl::Status DigestMismatch(const std::string& expected,
                             const std::string& found) {
   return Invalid("DIGEST_MISMATCH", "header.sha256",

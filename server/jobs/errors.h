@@ -36,6 +36,8 @@ absl::Status MatchOutOfRange(const std::string& field, std::int64_t value,
 absl::Status LandmarksContradict(const std::string& field,
                                  const std::string& problem);
 absl::Status UploadMalformed(const std::string& problem);
+absl::Status UploadOffsetBeyond(std::uint64_t offset,
+                                std::uint64_t received_bytes);
 absl::Status DigestMismatch(const std::string& expected,
                             const std::string& found);
 

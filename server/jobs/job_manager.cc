@@ -37,7 +37,13 @@ absl::Status NoEdit(JobRecord&) { return absl::OkStatus(); }
 }  // namespace
 
 JobManager::JobManager(const Limits& limits, const Parts& parts)
-    : limits_(limits), parts_(parts), queue_(limits.max_passes) {}
+    : limits_(limits),
+      parts_(parts),
+      guard_(limits.unwatched_grace, parts.timers, &watchers_,
+             [this](const std::string& id) {
+               (void)Stop(id, JobState::kCancelled, NoEdit);
+             }),
+      queue_(limits.max_passes) {}
 
 // Asking.
 
@@ -166,6 +172,7 @@ JobRecord JobManager::NewRecord(const Caller& caller,
   record.request_id = spec.request_id;
   record.request_sha256 = spec.request_sha256;
   record.priority = spec.priority;
+  record.cancel_when_unwatched = spec.cancel_when_unwatched;
   record.queue_timeout = spec.queue_timeout;
   record.run_timeout = spec.run_timeout;
   for (const JobInput& input : spec.inputs) {
@@ -184,8 +191,12 @@ absl::StatusOr<JobSnapshot> JobManager::Accept(const Caller& caller,
   }
   const std::string request_id = record.request_id;
   const std::string request_sha256 = record.request_sha256;
+  // Before others can end it, so that Move finds it guarded.
+  const std::string id = record.id;
+  if (record.cancel_when_unwatched) guard_.Guard(id);
   const auto stored = Store(std::move(record), std::move(inputs));
   if (!stored.ok()) {
+    guard_.Release(id);
     {
       MutexLock lock(mutex_);
       --arriving_;
@@ -298,6 +309,7 @@ void JobManager::TakeUp(const JobRecord& record) {
   if (ran) {
     (void)Move(record.id, JobState::kQueued, NoEdit);
   }
+  if (record.cancel_when_unwatched) guard_.Guard(record.id);
   Enqueue(record);
 }
 
@@ -326,6 +338,7 @@ absl::Status JobManager::Move(const std::string& id, JobState to,
                             }));
   if (parts_.on_state) parts_.on_state(moved);
   if (IsTerminal(to)) {
+    guard_.Release(id);
     UnpinInputs(moved);
     Prune();
   }

@@ -14,6 +14,7 @@
 #include "absl/time/time.h"
 #include "core/base/mutex.h"
 #include "server/jobs/caller.h"
+#include "server/jobs/disconnect_guard.h"
 #include "server/jobs/executor.h"
 #include "server/jobs/job_queue.h"
 #include "server/jobs/job_runner.h"
@@ -82,6 +83,8 @@ class JobManager {
     int max_attempts = 3;
     /// The stores outlive the process.
     bool durable = false;
+    /// See DisconnectGuard.
+    absl::Duration unwatched_grace = DisconnectGuard::kGrace;
   };
 
   /// What the manager works with; all outlive it except the executors, which
@@ -241,7 +244,8 @@ class JobManager {
 
   const Limits limits_;
   const Parts parts_;
-  Watchers watchers_;
+  Watchers watchers_{[this](const std::string& id) { guard_.OnUnwatched(id); }};
+  DisconnectGuard guard_;
 
   mutable Mutex mutex_;
   CondVar idle_;

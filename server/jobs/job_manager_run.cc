@@ -232,6 +232,7 @@ void JobManager::Shutdown(absl::Duration drain) {
     for (const std::string& id : LiveIds()) StopRunning(id);
     WaitUntilIdle(absl::InfiniteDuration());
   }
+  guard_.ReleaseAll();
   stopped_ = true;
   watchers_.NotifyAll();
 }

@@ -32,8 +32,10 @@ struct JobSpec {
   /// Not set means no limit.
   std::optional<absl::Duration> queue_timeout;
   std::optional<absl::Duration> run_timeout;
-  /// Jobs of a higher one start first.
+  /// -100 to 100; higher ones start first.
   std::int32_t priority = 0;
+  /// Cancelled once nobody has watched it for a while; see DisconnectGuard.
+  bool cancel_when_unwatched = false;
   /// Only check; nothing is kept.
   bool validate_only = false;
   /// Empty for none.

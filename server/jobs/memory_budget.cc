@@ -23,6 +23,20 @@ MemoryBudget::Reservation::~Reservation() {
   if (budget_ != nullptr) budget_->reserved_bytes_ -= bytes_;
 }
 
+void MemoryBudget::Reservation::ShrinkTo(std::int64_t bytes) {
+  assert(bytes >= 0);
+  if (bytes >= bytes_) return;
+  budget_->reserved_bytes_ -= bytes_ - bytes;
+  bytes_ = bytes;
+}
+
+void MemoryBudget::Reservation::Merge(Reservation other) {
+  assert(budget_ == nullptr || other.budget_ == nullptr ||
+         budget_ == other.budget_);
+  if (budget_ == nullptr) budget_ = other.budget_;
+  bytes_ += std::exchange(other.bytes_, 0);
+}
+
 absl::StatusOr<MemoryBudget::Reservation> MemoryBudget::Reserve(
     std::int64_t bytes) {
   assert(bytes >= 0);

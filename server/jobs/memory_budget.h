@@ -25,6 +25,12 @@ class MemoryBudget {
 
     std::int64_t bytes() const { return bytes_; }
 
+    /// Gives back what is above `bytes`; nothing when that is all or more.
+    void ShrinkTo(std::int64_t bytes);
+
+    /// Takes over what `other` holds. REQUIRES: both are of one budget.
+    void Merge(Reservation other);
+
    private:
     friend class MemoryBudget;
     Reservation(MemoryBudget* budget, std::int64_t bytes)

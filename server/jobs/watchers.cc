@@ -9,12 +9,21 @@ void Watchers::Add(const std::string& id,
 }
 
 void Watchers::Remove(const std::string& id, const JobWatcher* watcher) {
+  {
+    MutexLock lock(mutex_);
+    const auto found = watchers_.find(id);
+    if (found == watchers_.end()) return;
+    std::erase_if(found->second,
+                  [&](const Entry& entry) { return entry.address == watcher; });
+    if (!found->second.empty()) return;
+    watchers_.erase(found);
+  }
+  if (on_unwatched_) on_unwatched_(id);
+}
+
+bool Watchers::IsWatched(const std::string& id) const {
   MutexLock lock(mutex_);
-  const auto found = watchers_.find(id);
-  if (found == watchers_.end()) return;
-  std::erase_if(found->second,
-                [&](const Entry& entry) { return entry.address == watcher; });
-  if (found->second.empty()) watchers_.erase(found);
+  return watchers_.count(id) != 0;
 }
 
 void Watchers::Notify(const std::string& id) {

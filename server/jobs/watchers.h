@@ -1,8 +1,10 @@
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <string>
 #include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include "core/base/mutex.h"
@@ -22,6 +24,12 @@ class JobWatcher {
 /// Who watches which job. Holds no watcher alive. Thread-safe.
 class Watchers {
  public:
+  /// `on_unwatched` is called, without a lock, when a job has lost its last
+  /// watcher; another may have come since. May be empty.
+  explicit Watchers(
+      std::function<void(const std::string& id)> on_unwatched = {})
+      : on_unwatched_(std::move(on_unwatched)) {}
+
   void Add(const std::string& id, const std::shared_ptr<JobWatcher>& watcher);
   void Remove(const std::string& id, const JobWatcher* watcher);
 
@@ -34,6 +42,9 @@ class Watchers {
   /// Returns how many watchers there are, of all jobs.
   int size() const;
 
+  /// True while somebody watches the job.
+  bool IsWatched(const std::string& id) const;
+
  private:
   struct Entry {
     const JobWatcher* address;
@@ -42,6 +53,7 @@ class Watchers {
 
   std::vector<std::shared_ptr<JobWatcher>> Of(const std::string& id);
 
+  const std::function<void(const std::string& id)> on_unwatched_;
   mutable Mutex mutex_;
   std::unordered_map<std::string, std::vector<Entry>> watchers_
       ABSL_GUARDED_BY(mutex_);

@@ -1,16 +1,18 @@
 #include "server/rpc/correspondence_service.h"
 
+#include <algorithm>
 #include <cstdint>
 #include <string>
 #include <vector>
 
-#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "core/base/version.h"
 #include "server/convert/digest.h"
 #include "server/convert/job_name.h"
 #include "server/convert/job_proto.h"
+#include "server/convert/list_jobs.h"
+#include "server/jobs/caller.h"
 #include "server/jobs/errors.h"
 #include "server/rpc/create_job.h"
 #include "server/rpc/download_result.h"
@@ -53,9 +55,11 @@ absl::Status FindMissing(const v1::FindMissingMeshesRequest& request,
     const v1::Digest& digest = request.digests(i);
     ISOMATCH_RETURN_IF_ERROR(ValidateDigest(
         digest, absl::StrCat("digests[", i, "]"), context.parse.limits));
-    if (!context.blobs->Has({caller.tenant, digest.sha256()})) {
-      *response.add_missing() = digest;
-    }
+    const BlobKey key = {caller.tenant, digest.sha256()};
+    if (context.blobs->Has(key)) continue;
+    *response.add_missing() = digest;
+    const std::uint64_t received = context.partial_uploads->ReceivedBytes(key);
+    response.add_received_bytes(std::min(received, digest.size_bytes()));
   }
   return absl::OkStatus();
 }
@@ -69,38 +73,16 @@ absl::Status Get(const v1::GetJobRequest& request, const Caller& caller,
   return absl::OkStatus();
 }
 
-absl::StatusOr<JobFilter> ParseFilter(const v1::ListJobsRequest& request) {
-  JobFilter filter;
-  if (request.page_size() > RequestLimits::kMaxPageSize) {
-    return InvalidField("page_size",
-                        absl::StrCat(request.page_size(), ", expected 0 to ",
-                                     RequestLimits::kMaxPageSize));
-  }
-  filter.limit = request.page_size() == 0
-                     ? RequestLimits::kDefaultPageSize
-                     : static_cast<int>(request.page_size());
-  if (!request.page_token().empty() &&
-      !absl::SimpleAtoi(request.page_token(), &filter.before_number)) {
-    return InvalidField("page_token", "expected one that ListJobs gave");
-  }
-  for (int i = 0; i < request.states_size(); ++i) {
-    ISOMATCH_ASSIGN_OR_RETURN(
-        const JobState state,
-        ParseJobState(request.states(i), absl::StrCat("states[", i, "]")));
-    filter.states.push_back(state);
-  }
-  return filter;
-}
-
 absl::Status List(const v1::ListJobsRequest& request, const Caller& caller,
                   const JobManager& manager, v1::ListJobsResponse& response) {
-  ISOMATCH_ASSIGN_OR_RETURN(JobFilter filter, ParseFilter(request));
+  ISOMATCH_ASSIGN_OR_RETURN(JobFilter filter, ParseListJobs(request));
   const auto page_size = static_cast<size_t>(filter.limit);
   ++filter.limit;  // one more tells whether there is a next page
   std::vector<JobSnapshot> jobs = manager.List(caller, filter);
   if (jobs.size() > page_size) {
     jobs.pop_back();
-    response.set_next_page_token(absl::StrCat(jobs.back().record.number));
+    response.set_next_page_token(
+        MakePageToken(filter, jobs.back().record.number));
   }
   for (const JobSnapshot& snapshot : jobs) {
     v1::Job& job = *response.add_jobs();
@@ -173,7 +155,7 @@ CorrespondenceService::UploadMesh(grpc::CallbackServerContext* call,
     return new Refused<grpc::ServerReadReactor<v1::UploadMeshRequest>>(
         caller.status());
   }
-  return StartUploadMesh(context_, *caller, response);
+  return StartUploadMesh(context_, caller->tenant, response);
 }
 
 grpc::ServerUnaryReactor* CorrespondenceService::FindMissingMeshes(

@@ -61,9 +61,9 @@ grpc::ServerUnaryReactor* StartCreateJob(const ServiceContext& context,
     }
   }
   const auto bytes = static_cast<std::int64_t>(request->ByteSizeLong());
-  auto reserved = context.uploads->Reserve(bytes);
+  auto reserved = context.partial_uploads->Reserve(bytes);
   if (!reserved.ok()) {
-    reactor->Finish(ToGrpc(UploadQuota(bytes, kRetryUploadQuota)));
+    reactor->Finish(ToGrpc(reserved.status()));
     return reactor;
   }
   const auto held =

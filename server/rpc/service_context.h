@@ -5,14 +5,12 @@
 #include "server/jobs/executor.h"
 #include "server/jobs/job_manager.h"
 #include "server/jobs/memory_budget.h"
+#include "server/jobs/partial_uploads.h"
 #include "server/metrics/metrics.h"
 #include "server/rpc/access.h"
 #include "server/storage/blob_store.h"
 
 namespace isomatch {
-
-/// What a client waits before it sends again what there was no room for.
-inline constexpr absl::Duration kRetryUploadQuota = absl::Seconds(2);
 
 /// What a watcher waits before it asks again for a job that goes on later.
 inline constexpr absl::Duration kRetryDraining = absl::Seconds(10);
@@ -24,8 +22,9 @@ struct ServiceContext {
   JobManager* manager;
   BlobStore* blobs;
   MemoryBudget* budget;
-  /// Bounds what unfinished uploads and CreateJob requests hold together.
-  MemoryBudget* uploads;
+  /// Room for unfinished uploads and CreateJob requests, and what uploads that
+  /// broke off have brought.
+  PartialUploads* partial_uploads;
   /// Decodes and checks CreateJob's meshes, one request at a time, so that gRPC
   /// threads stay free and decoding needs bounded memory.
   Executor* intake;

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <string>
+
 #include <grpcpp/support/server_callback.h>
 
 #include "isomatch/v1/service.pb.h"
@@ -7,9 +9,9 @@
 
 namespace isomatch {
 
-/// Takes one mesh of the caller in chunks and stores it; see service.proto.
+/// Takes one mesh of a tenant in chunks and stores it; see service.proto.
 grpc::ServerReadReactor<v1::UploadMeshRequest>* StartUploadMesh(
-    const ServiceContext& context, const Caller& caller,
+    const ServiceContext& context, const std::string& tenant,
     v1::UploadMeshResponse* response);
 
 }  // namespace isomatch

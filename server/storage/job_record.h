@@ -172,6 +172,8 @@ struct JobRecord {
   /// Not set means no limit. The first counts from create_time.
   std::optional<absl::Duration> queue_timeout;
   std::optional<absl::Duration> run_timeout;
+  /// Cancelled once nobody has watched it for a while.
+  bool cancel_when_unwatched = false;
   /// SHA-256 of the blobs that running it needs, pinned until it is terminal:
   /// the request without its meshes, then the meshes.
   std::vector<std::string> inputs;

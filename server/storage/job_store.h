@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -21,6 +22,8 @@ struct JobFilter {
   /// Only jobs created before the one of this number; 0 for all.
   std::uint64_t before_number = 0;
   int limit = 100;
+  /// Only jobs that have all of these.
+  std::map<std::string, std::string> labels = {};
 };
 
 /// Which terminal jobs stay.

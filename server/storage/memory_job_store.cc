@@ -24,8 +24,15 @@ std::int64_t ResultBytes(const JobRecord& record) {
   return bytes;
 }
 
+bool HasLabels(const JobRecord& record,
+               const std::map<std::string, std::string>& labels) {
+  return std::includes(record.labels.begin(), record.labels.end(),
+                       labels.begin(), labels.end());
+}
+
 bool Matches(const JobRecord& record, const JobFilter& filter) {
   if (filter.tenant && *filter.tenant != record.tenant) return false;
+  if (!HasLabels(record, filter.labels)) return false;
   const std::vector<JobState>& states = filter.states;
   return states.empty() ||
          std::find(states.begin(), states.end(), record.state) != states.end();

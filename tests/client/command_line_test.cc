@@ -74,6 +74,12 @@ TEST_F(CommandLineTest, WrongUsageExitsWith2) {
   ExpectUsageError({"match", a_}, "Y");
   ExpectUsageError({"match", a_, b_, "--profile", "fast"}, "profile");
   ExpectUsageError({"match", a_, b_, "--threads", "many"}, "threads");
+  ExpectUsageError({"match", a_, b_, "--priority", "101"}, "priority");
+  ExpectUsageError({"match", a_, b_, "--solved-vertices", "-1"}, "solved");
+  // The server knows the range.
+  ExpectUsageError(
+      {"match", a_, b_, "--no-progress", "--solved-vertices", "499"},
+      "options.solved_vertices: 499, expected 0 or 500 to");
   for (const char* address : {"", "host", "host:", ":1", "host:65536"}) {
     ExpectUsageError({"match", a_, b_, "--server", address}, "HOST:PORT");
   }

@@ -11,6 +11,7 @@
 
 #include "absl/time/clock.h"
 #include "client/connection.h"
+#include "server/storage/sha256.h"
 #include "tests/client/tcp_proxy.h"
 #include "tests/server/test_server.h"
 #include "tests/support/matchers.h"
@@ -107,6 +108,61 @@ TEST_F(IsomatchClientTest, ALostUploadIsSentAgain) {
   proxy_->CutAfter(TcpProxy::kToServer, 600'000);
   ExpectMap(request, Match(request));
   EXPECT_EQ(proxy_->cuts(), 1);
+}
+
+TEST_F(IsomatchClientTest, AnUploadGoesOnAtItsOffsetAndDoesNotBeginAnew) {
+  ConnectWithSmallRequests();
+  // The connection is cut within the third chunk. What is in flight then is
+  // sent twice; on a busy machine that can be nearly all of it. Beginning anew
+  // always sends the two chunks again.
+  constexpr std::int64_t kChunk = 1 << 20;
+  constexpr std::int64_t kCut = kChunk * 9 / 4;
+  bool went_on = false;
+  for (int attempt = 1; attempt <= 10 && !went_on; ++attempt) {
+    MatchRequest request = SmallPair();
+    request.mesh_x = WithIsolated(UnitSphere(6), 200'000);  // 2.7 MiB
+    const std::int64_t before = proxy_->bytes_passed(TcpProxy::kToServer);
+    proxy_->CutAfter(TcpProxy::kToServer, kCut);
+    ExpectMap(request, Match(request));
+    EXPECT_EQ(proxy_->cuts(), attempt);
+    const std::int64_t sent =
+        proxy_->bytes_passed(TcpProxy::kToServer) - before;
+    const std::int64_t bytes = 12 * request.mesh_x.num_vertices();
+    went_on = sent < kCut + bytes - kChunk / 2;
+  }
+  EXPECT_TRUE(went_on);
+}
+
+TEST_F(IsomatchClientTest, WhatTheServerHasOfAnotherContentDoesNotStopIt) {
+  ConnectWithSmallRequests();
+  const MatchRequest request = LargePair();
+  v1::UploadMeshRequest part;
+  const std::string bytes = EncodeDraco(request.mesh_x)->bytes;
+  part.mutable_header()->set_sha256(Sha256Hex(bytes));
+  part.mutable_header()->set_size_bytes(bytes.size());
+  grpc::ClientContext context;
+  v1::UploadMeshResponse response;
+  const auto writer = stub_->UploadMesh(&context, &response);
+  writer->Write(part);
+  part.set_chunk("not the mesh");
+  writer->Write(part);
+  writer->WritesDone();
+  EXPECT_FALSE(writer->Finish().ok());
+  ExpectMap(request, Match(request));
+}
+
+TEST_F(IsomatchClientTest, OptionsAndPriorityReachTheServer) {
+  int solved = -1;
+  on_found_ = [&](auto&&, const MatchOptions& options, auto&&) {
+    solved = options.solved_vertices;
+  };
+  MatchRequest request = SmallPair();
+  request.solved_vertices = 777;
+  ExpectMap(request, Match(request));
+  EXPECT_EQ(solved, 777);
+  request.priority = 101;
+  EXPECT_THAT(Match(request), StatusIs(absl::StatusCode::kInvalidArgument,
+                                       HasSubstr("priority: 101")));
 }
 
 TEST_F(IsomatchClientTest, ALostRequestIsSentAgainButMakesOneJob) {

@@ -1,5 +1,6 @@
 #include "tests/server/child_process.h"
 
+#include <algorithm>
 #include <csignal>
 #include <utility>
 
@@ -28,6 +29,9 @@ namespace {
 }
 
 std::vector<std::string> OnFreePort(std::vector<std::string> flags) {
+  const bool is_durable =
+      std::find(flags.begin(), flags.end(), "--data-dir") != flags.end();
+  if (!is_durable) flags.push_back("--ephemeral");
   flags.insert(flags.end(),
                {"--listen", "127.0.0.1:0", "--metrics-listen", "127.0.0.1:0"});
   return flags;

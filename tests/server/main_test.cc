@@ -57,8 +57,7 @@ TEST(MainTest, ServesUntilSigtermAndExitsWithZero) {
 }
 
 TEST(MainTest, SigtermWaitsForAJobAsLongAsTheDrainTimeout) {
-  ServerProcess server(ISOMATCH_SERVER_BINARY,
-                       {"--ephemeral", "--drain-timeout", "1s"});
+  ServerProcess server(ISOMATCH_SERVER_BINARY, {"--drain-timeout", "1s"});
   const auto stub = Connect(server.address);
   const std::string name = StartLongJob(*stub);
   server.process.ReadUntil("RUNNING");

@@ -1,8 +1,10 @@
 #pragma once
 
+#include <cstddef>
 #include <deque>
 #include <functional>
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "server/jobs/executor.h"
@@ -41,6 +43,22 @@ class ManualExecutor : public Executor {
   std::deque<std::function<void()>> tasks_;
   std::vector<Scheduled> timers_;
   absl::Duration now_;
+};
+
+/// Timers that cannot be called off, as those whose function has begun.
+class BegunTimers : public Executor {
+ public:
+  void Post(std::function<void()>) override {}
+  Timer PostAfter(absl::Duration, std::function<void()> task) override {
+    tasks_.push_back(std::move(task));
+    return std::make_shared<int>(0);
+  }
+
+  /// Runs the function of the i-th timer, counted from 0.
+  void Run(int i) { tasks_[static_cast<std::size_t>(i)](); }
+
+ private:
+  std::vector<std::function<void()>> tasks_;
 };
 
 }  // namespace isomatch

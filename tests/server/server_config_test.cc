@@ -73,6 +73,18 @@ TEST(ServerConfigTest, EveryRangeIsChecked) {
   }
 }
 
+TEST(ServerConfigTest, DurationsHaveARange) {
+  for (const auto field :
+       {&ServerConfig::partial_upload_kept, &ServerConfig::unwatched_grace}) {
+    ServerConfig config;
+    for (const absl::Duration wrong :
+         {absl::ZeroDuration(), absl::InfiniteDuration()}) {
+      config.*field = wrong;
+      EXPECT_THAT(config.Validate(), StatusIs(kInvalid, HasSubstr("10ms")));
+    }
+  }
+}
+
 TEST(ServerConfigTest, ListensBeyondThisMachineOnlyWithTlsAndKeysOrWhenTold) {
   ServerConfig config;
   config.listen = "0.0.0.0:7443";

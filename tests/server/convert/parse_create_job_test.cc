@@ -1,7 +1,9 @@
 #include "server/convert/parse_create_job.h"
 
+#include <cstdint>
 #include <limits>
 #include <string>
+#include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -93,6 +95,47 @@ TEST_F(ParseCreateJobTest, OptionsOutOfRange) {
   request = SphereJob();
   request.mutable_mesh_x()->set_vertex_order(static_cast<v1::VertexOrder>(9));
   ExpectRefused(request, "INVALID_FIELD", "mesh_x.vertex_order");
+}
+
+TEST_F(ParseCreateJobTest, PriorityAndDisconnectPolicyOutOfRange) {
+  v1::CreateJobRequest request = SphereJob();
+  for (const int priority : {-101, 101, std::numeric_limits<int>::min()}) {
+    request.set_priority(priority);
+    ExpectRefused(request, "INVALID_FIELD", "priority");
+  }
+  for (const int priority : {-100, 100}) {
+    request.set_priority(priority);
+    EXPECT_NE(CreateJob(request), "");
+  }
+  request.set_disconnect_policy(static_cast<v1::DisconnectPolicy>(3));
+  ExpectRefused(request, "INVALID_FIELD", "disconnect_policy");
+}
+
+TEST_F(ParseCreateJobTest, SolvedVerticesOutOfRange) {
+  v1::CreateJobRequest request = SphereJob();
+  for (const std::uint32_t vertices : {1U, 499U, 1'000'000'001U, 0xFFFFFFFFU}) {
+    request.mutable_options()->set_solved_vertices(vertices);
+    ExpectRefused(request, "INVALID_FIELD", "options.solved_vertices");
+  }
+  for (const std::uint32_t vertices : {0U, 500U, 1'000'000'000U}) {
+    request.mutable_options()->set_solved_vertices(vertices);
+    EXPECT_NE(CreateJob(request), "");
+  }
+}
+
+TEST_F(ParseCreateJobTest, WhatIsAskedForReachesTheMethod) {
+  std::vector<int> solved;
+  on_found_ = [&](auto&&, const MatchOptions& options, auto&&) {
+    solved.push_back(options.solved_vertices);
+  };
+  v1::CreateJobRequest request = SphereJob();
+  Watch(CreateJob(request));
+  request.mutable_options()->set_solved_vertices(0);
+  Watch(CreateJob(request));
+  request.mutable_options()->set_solved_vertices(777);
+  Watch(CreateJob(request));
+  EXPECT_THAT(solved,
+              testing::ElementsAre(MatchOptions().solved_vertices, 0, 777));
 }
 
 TEST_F(ParseCreateJobTest, IdsLabelsAndTimeoutsOutOfRange) {

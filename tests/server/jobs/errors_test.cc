@@ -24,6 +24,18 @@ TEST(ErrorsTest, CarryReasonFieldAndEveryNumberOfTheMessage) {
                                                      Pair("vertices", "42")));
 }
 
+TEST(ErrorsTest, AnOffsetBeyondWhatIsThereNamesBoth) {
+  const absl::Status status = UploadOffsetBeyond(9, 4);
+  EXPECT_THAT(status, StatusIs(absl::StatusCode::kInvalidArgument,
+                               HasSubstr("offset: 9, expected at most the 4")));
+  const ErrorDetails details = DetailsOf(status);
+  EXPECT_EQ(details.reason, "UPLOAD_MALFORMED");
+  EXPECT_EQ(details.field, "offset");
+  EXPECT_THAT(
+      details.metadata,
+      UnorderedElementsAre(Pair("offset", "9"), Pair("received_bytes", "4")));
+}
+
 TEST(ErrorsTest, OnesThatPassTellWhenToTryAgain) {
   EXPECT_EQ(DetailsOf(QueueFull(7, absl::Seconds(5))).retry_after,
             absl::Seconds(5));

@@ -36,6 +36,26 @@ TEST(MemoryBudgetTest, WhatCanNeverFitIsRefusedForGood) {
             "JOB_NEEDS_MORE_MEMORY_THAN_BUDGET");
 }
 
+TEST(MemoryBudgetTest, AReservationShrinksAndTakesOverOthers) {
+  MemoryBudget budget(100);
+  {
+    auto first = budget.Reserve(60);
+    ASSERT_THAT(first, IsOk());
+    first->ShrinkTo(70);
+    EXPECT_EQ(budget.reserved_bytes(), 60);
+    first->ShrinkTo(20);
+    EXPECT_EQ(budget.reserved_bytes(), 20);
+    first->Merge(*budget.Reserve(80));
+    EXPECT_EQ(first->bytes(), 100);
+    EXPECT_EQ(budget.reserved_bytes(), 100);
+    MemoryBudget::Reservation none;
+    none.Merge(*std::move(first));
+    EXPECT_EQ(none.bytes(), 100);
+    EXPECT_EQ(budget.reserved_bytes(), 100);
+  }
+  EXPECT_EQ(budget.reserved_bytes(), 0);
+}
+
 TEST(MemoryBudgetTest, TheWholeBudgetCanBeReserved) {
   MemoryBudget budget(100);
   EXPECT_THAT(budget.Reserve(100), IsOk());

@@ -122,6 +122,29 @@ TEST_F(JobsTest, AreListedInPagesNewestFirst) {
   EXPECT_EQ(second.next_page_token(), "");
 }
 
+TEST_F(JobsTest, AreListedByLabelInPages) {
+  v1::CreateJobRequest job = SphereJob();
+  (*job.mutable_labels())["pose"] = "walk";
+  const std::string a = CreateJob(job);
+  CreateJob();
+  const std::string c = CreateJob(job);
+  v1::ListJobsRequest request;
+  request.set_page_size(1);
+  (*request.mutable_labels())["pose"] = "walk";
+  v1::ListJobsResponse page = List(request);
+  ASSERT_EQ(page.jobs_size(), 1);
+  EXPECT_EQ(page.jobs(0).name(), c);
+  request.set_page_token(page.next_page_token());
+  page = List(request);
+  ASSERT_EQ(page.jobs_size(), 1);
+  EXPECT_EQ(page.jobs(0).name(), a);
+  EXPECT_EQ(page.next_page_token(), "");
+  (*request.mutable_labels())["pose"] = "run";
+  grpc::ClientContext context;
+  EXPECT_EQ(ErrorOf(stub_->ListJobs(&context, request, &page)).field,
+            "page_token");
+}
+
 TEST_F(JobsTest, AreForgottenWhenDeleted) {
   const std::string name = CreateJob();
   Watch(name);

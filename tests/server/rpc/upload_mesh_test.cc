@@ -1,3 +1,4 @@
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -22,11 +23,13 @@ class UploadMeshTest : public TestServer {
   }
 
   grpc::Status Upload(const v1::Digest& digest,
-                      const std::vector<std::string>& chunks) {
+                      const std::vector<std::string>& chunks,
+                      std::uint64_t offset = 0) {
     grpc::ClientContext context;
     const auto writer = stub_->UploadMesh(&context, &response_);
     v1::UploadMeshRequest request;
     *request.mutable_header() = digest;
+    request.set_offset(offset);
     writer->Write(request);
     for (const std::string& chunk : chunks) {
       request.set_chunk(chunk);
@@ -36,13 +39,57 @@ class UploadMeshTest : public TestServer {
     return writer->Finish();
   }
 
-  int CountMissing(const v1::Digest& digest) {
+  /// Uploads the first `count` bytes and ends there; returns when they are
+  /// kept.
+  void BreakOff(const std::string& bytes, std::uint64_t count) {
+    const grpc::Status status =
+        Upload(DigestOf(bytes), {bytes.substr(0, count)});
+    EXPECT_EQ(ErrorOf(status).reason, "UPLOAD_MALFORMED");
+    WaitForReceived(DigestOf(bytes), count);
+  }
+
+  /// Uploads the first `count` bytes and cancels after `pause`; true when they
+  /// had arrived by then.
+  bool Cancel(const std::string& bytes, std::uint64_t count,
+              absl::Duration pause) {
+    grpc::ClientContext context;
+    const auto writer = stub_->UploadMesh(&context, &response_);
+    v1::UploadMeshRequest request;
+    *request.mutable_header() = DigestOf(bytes);
+    writer->Write(request);
+    request.set_chunk(bytes.substr(0, count));
+    writer->Write(request);
+    absl::SleepFor(pause);
+    context.TryCancel();
+    writer->Finish();
+    absl::SleepFor(pause);
+    return Received(DigestOf(bytes)) == count;
+  }
+
+  std::uint64_t Received(const v1::Digest& digest) {
+    return FindMissing(digest).received_bytes(0);
+  }
+
+  void WaitForReceived(const v1::Digest& digest, std::uint64_t bytes) {
+    while (Received(digest) != bytes) absl::SleepFor(absl::Milliseconds(1));
+  }
+
+  grpc::Status Continue(const std::string& bytes, std::uint64_t offset) {
+    return Upload(DigestOf(bytes), {bytes.substr(offset)}, offset);
+  }
+
+  v1::FindMissingMeshesResponse FindMissing(const v1::Digest& digest) {
     grpc::ClientContext context;
     v1::FindMissingMeshesRequest request;
     *request.add_digests() = digest;
     v1::FindMissingMeshesResponse response;
     EXPECT_TRUE(stub_->FindMissingMeshes(&context, request, &response).ok());
-    return response.missing_size();
+    EXPECT_EQ(response.missing_size(), response.received_bytes_size());
+    return response;
+  }
+
+  int CountMissing(const v1::Digest& digest) {
+    return FindMissing(digest).missing_size();
   }
 
   v1::UploadMeshResponse response_;
@@ -123,6 +170,59 @@ TEST_F(UploadMeshTest, WhatUnfinishedUploadsMayHoldTogetherIsBounded) {
   EXPECT_TRUE(error.has_retry);
   context.TryCancel();
   open->Finish();
+}
+
+TEST_F(UploadMeshTest, ACancelledUploadGoesOnWhereItWas) {
+  const std::string bytes(100'000, 'x');
+  // The bytes have to arrive before the client cancels.
+  absl::Duration pause = absl::Milliseconds(10);
+  while (!Cancel(bytes, 60'000, pause)) pause *= 2;
+  EXPECT_TRUE(Continue(bytes, 60'000).ok());
+  EXPECT_EQ(CountMissing(DigestOf(bytes)), 0);
+}
+
+TEST_F(UploadMeshTest, BytesBeyondTheOffsetAreDropped) {
+  const std::string bytes = "0123456789";
+  BreakOff(bytes, 8);
+  EXPECT_TRUE(Continue(bytes, 3).ok());
+  EXPECT_EQ(CountMissing(DigestOf(bytes)), 0);
+}
+
+TEST_F(UploadMeshTest, AnOffsetBeyondWhatIsThereIsRefusedAndCostsNothing) {
+  const std::string bytes = "0123456789";
+  BreakOff(bytes, 8);
+  const CallError error = ErrorOf(Continue(bytes, 9));
+  EXPECT_EQ(error.code, grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_EQ(error.reason, "UPLOAD_MALFORMED");
+  EXPECT_EQ(error.field, "offset");
+  EXPECT_EQ(Received(DigestOf(bytes)), 8);
+}
+
+TEST_F(UploadMeshTest, AnIdleUploadGoesOnWhereItWas) {
+  ServerConfig config = TestConfig();
+  config.upload_idle_timeout = absl::Milliseconds(30);
+  Restart(config);
+  const std::string bytes = "0123456789";
+  grpc::ClientContext context;
+  const auto writer = stub_->UploadMesh(&context, &response_);
+  v1::UploadMeshRequest request;
+  *request.mutable_header() = DigestOf(bytes);
+  writer->Write(request);
+  request.set_chunk(bytes.substr(0, 4));
+  writer->Write(request);
+  EXPECT_EQ(ErrorOf(writer->Finish()).reason, "UPLOAD_IDLE");
+  WaitForReceived(DigestOf(bytes), 4);
+  EXPECT_TRUE(Continue(bytes, 4).ok());
+}
+
+TEST_F(UploadMeshTest, WhatBrokeOffIsForgottenAfterAWhile) {
+  ServerConfig config = TestConfig();
+  config.partial_upload_kept = absl::Milliseconds(300);
+  Restart(config);
+  const std::string bytes = "0123456789";
+  BreakOff(bytes, 8);
+  WaitForReceived(DigestOf(bytes), 0);
+  EXPECT_EQ(ErrorOf(Continue(bytes, 1)).field, "offset");
 }
 
 TEST_F(UploadMeshTest, AnIdleUploadIsDropped) {

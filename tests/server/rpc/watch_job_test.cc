@@ -117,6 +117,30 @@ TEST_F(WatchJobTest, AShutdownEndsTheWatchWithTheCancelledJob) {
   EXPECT_TRUE(reader->Finish().ok());
 }
 
+TEST_F(WatchJobTest, AJobThatWantsItIsCancelledWhenItsWatcherVanishes) {
+  gate_open_ = false;
+  ServerConfig config = TestConfig();
+  config.unwatched_grace = absl::Milliseconds(300);
+  Restart(config);
+  v1::CreateJobRequest create = SphereJob();
+  const std::string kept = CreateJob(create);
+  create.set_disconnect_policy(v1::DISCONNECT_POLICY_CANCEL);
+  v1::WatchJobRequest watch;
+  watch.set_name(CreateJob(create));
+  grpc::ClientContext context;
+  const auto reader = stub_->WatchJob(&context, watch);
+  v1::WatchJobResponse response;
+  ASSERT_TRUE(reader->Read(&response));
+  absl::SleepFor(absl::Milliseconds(600));
+  EXPECT_EQ(GetJob(watch.name()).state(), v1::Job::STATE_QUEUED);
+  context.TryCancel();
+  reader->Finish();
+  while (GetJob(watch.name()).state() != v1::Job::STATE_CANCELLED) {
+    absl::SleepFor(absl::Milliseconds(1));
+  }
+  EXPECT_EQ(GetJob(kept).state(), v1::Job::STATE_RUNNING);
+}
+
 TEST_F(WatchJobTest, AnUnknownJobIsNotFound) {
   grpc::ClientContext context;
   v1::WatchJobRequest request;

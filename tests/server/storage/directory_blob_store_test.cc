@@ -1,5 +1,8 @@
 #include "server/storage/directory_blob_store.h"
 
+#include <sys/resource.h>
+
+#include <csignal>
 #include <filesystem>
 #include <fstream>
 #include <memory>
@@ -153,8 +156,22 @@ TEST(FilesTest, WhatCannotBeWrittenSaysWhichFile) {
   EXPECT_THAT(FilesBelow(folder.Path("")), IsEmpty());
   EXPECT_THAT(ReadWholeFile(path, 1),
               StatusIs(absl::StatusCode::kNotFound, testing::HasSubstr(path)));
-  EXPECT_THAT(WriteFileDurably("/dev/full/x", "/dev/full", "x"),
-              StatusIs(absl::StatusCode::kResourceExhausted, _));
+}
+
+TEST(FilesTest, AFullDiskIsAnErrorOfItsOwnAndLeavesNothing) {
+  const TemporaryFolder folder;
+  // No file may be larger than 10 bytes: the system says so as of a full disk.
+  rlimit before = {};
+  ASSERT_EQ(getrlimit(RLIMIT_FSIZE, &before), 0);
+  const auto handler = std::signal(SIGXFSZ, SIG_IGN);
+  const rlimit small = {10, before.rlim_max};
+  ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &small), 0);
+  const absl::Status status = WriteFileDurably(
+      folder.Path("file"), folder.Path("tmp"), std::string(100, 'x'));
+  setrlimit(RLIMIT_FSIZE, &before);
+  std::signal(SIGXFSZ, handler);
+  EXPECT_THAT(status, StatusIs(absl::StatusCode::kResourceExhausted, _));
+  EXPECT_THAT(FilesBelow(folder.Path("")), IsEmpty());
 }
 
 TEST(FilesTest, AFolderCannotBeMadeBelowAFile) {

@@ -1,5 +1,6 @@
 #include "server/storage/memory_job_store.h"
 
+#include <map>
 #include <string>
 #include <utility>
 #include <vector>
@@ -85,6 +86,29 @@ TEST(MemoryJobStoreTest, ListsNewestFirstByStateAndInPages) {
   EXPECT_THAT(
       Ids(store.List({.before_number = page.back().number, .limit = 2})),
       ElementsAre("b", "a"));
+}
+
+TEST(MemoryJobStoreTest, ListsOnlyJobsThatHaveAllLabels) {
+  MemoryJobStore store;
+  JobRecord job = NewJob("a");
+  job.labels = {{"pose", "walk"}, {"user", "x"}};
+  ASSERT_THAT(store.Insert(job), IsOk());
+  job = NewJob("b");
+  job.labels = {{"pose", "walk"}};
+  ASSERT_THAT(store.Insert(job), IsOk());
+  job = NewJob("c");
+  job.labels = {{"pose", "run"}, {"user", "x"}};
+  ASSERT_THAT(store.Insert(job), IsOk());
+  const auto with = [&](const std::map<std::string, std::string>& labels) {
+    return Ids(store.List({.limit = 10, .labels = labels}));
+  };
+  EXPECT_THAT(with({}), ElementsAre("c", "b", "a"));
+  EXPECT_THAT(with({{"pose", "walk"}}), ElementsAre("b", "a"));
+  EXPECT_THAT(with({{"pose", "walk"}, {"user", "x"}}), ElementsAre("a"));
+  EXPECT_THAT(with({{"pose", ""}}), IsEmpty());
+  // The page is full of jobs that match, not of jobs that were looked at.
+  EXPECT_THAT(Ids(store.List({.limit = 1, .labels = {{"pose", "walk"}}})),
+              ElementsAre("b"));
 }
 
 TEST(MemoryJobStoreTest, OnlyTerminalJobsAreDeleted) {

@@ -1,0 +1,81 @@
+#include "server/convert/list_jobs.h"
+
+#include <set>
+
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/string_view.h"
+#include "core/base/status_macros.h"
+#include "server/convert/job_proto.h"
+#include "server/convert/labels.h"
+#include "server/convert/request_limits.h"
+#include "server/jobs/errors.h"
+#include "server/storage/sha256.h"
+
+namespace isomatch {
+namespace {
+
+// Hexadecimal digits of a token: the number, then the checksum.
+constexpr size_t kNumberDigits = 16;
+constexpr size_t kChecksumDigits = 16;
+
+/// Every part with its length, so that no two filters read alike.
+std::string Canonical(const JobFilter& filter) {
+  std::string text;
+  for (const JobState state :
+       std::set<JobState>(filter.states.begin(), filter.states.end())) {
+    absl::StrAppend(&text, static_cast<int>(state), ",");
+  }
+  for (const auto& [key, value] : filter.labels) {
+    absl::StrAppend(&text, key.size(), ":", key, value.size(), ":", value);
+  }
+  return text;
+}
+
+absl::StatusOr<std::uint64_t> ParsePageToken(const std::string& token,
+                                             const JobFilter& filter) {
+  std::uint64_t number = 0;
+  const bool has_number =
+      token.size() == kNumberDigits + kChecksumDigits &&
+      absl::SimpleHexAtoi(token.substr(0, kNumberDigits), &number);
+  if (has_number && number > 0 && token == MakePageToken(filter, number)) {
+    return number;
+  }
+  return InvalidField("page_token",
+                      "expected one that ListJobs gave for the same filter");
+}
+
+}  // namespace
+
+std::string MakePageToken(const JobFilter& filter, std::uint64_t number) {
+  const std::string digits = absl::StrCat(absl::Hex(number, absl::kZeroPad16));
+  return absl::StrCat(digits, Sha256Hex(absl::StrCat(digits, Canonical(filter)))
+                                  .substr(0, kChecksumDigits));
+}
+
+absl::StatusOr<JobFilter> ParseListJobs(const v1::ListJobsRequest& request) {
+  JobFilter filter;
+  if (request.page_size() > RequestLimits::kMaxPageSize) {
+    return InvalidField("page_size",
+                        absl::StrCat(request.page_size(), ", expected 0 to ",
+                                     RequestLimits::kMaxPageSize));
+  }
+  filter.limit = request.page_size() == 0
+                     ? RequestLimits::kDefaultPageSize
+                     : static_cast<int>(request.page_size());
+  for (int i = 0; i < request.states_size(); ++i) {
+    ISOMATCH_ASSIGN_OR_RETURN(
+        const JobState state,
+        ParseJobState(request.states(i), absl::StrCat("states[", i, "]")));
+    filter.states.push_back(state);
+  }
+  ISOMATCH_ASSIGN_OR_RETURN(filter.labels,
+                            ParseLabels(request.labels(), "labels"));
+  if (!request.page_token().empty()) {
+    ISOMATCH_ASSIGN_OR_RETURN(filter.before_number,
+                              ParsePageToken(request.page_token(), filter));
+  }
+  return filter;
+}
+
+}  // namespace isomatch

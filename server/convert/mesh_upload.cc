@@ -1,0 +1,113 @@
+#include "server/convert/mesh_upload.h"
+
+#include <algorithm>
+#include <cstdint>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
+#include "server/convert/digest.h"
+#include "server/jobs/errors.h"
+
+namespace isomatch {
+
+absl::Status MeshUpload::Take(const v1::UploadMeshRequest& request) {
+  absl::Status taken;
+  if (request.has_header()) {
+    taken = Begin(request);
+  } else if (request.has_chunk()) {
+    taken = Append(request.chunk());
+  } else {
+    taken = UploadMalformed("an empty message, expected header or chunk");
+  }
+  if (!taken.ok()) stage_ = Stage::kOver;
+  return taken;
+}
+
+absl::Status MeshUpload::Begin(const v1::UploadMeshRequest& request) {
+  if (stage_ != Stage::kNew) return UploadMalformed("a second header");
+  ISOMATCH_RETURN_IF_ERROR(
+      ValidateDigest(request.header(), "header", parts_.limits));
+  digest_ = request.header();
+  key_.sha256 = digest_.sha256();
+  known_ = parts_.blobs->Has(key_);
+  stage_ = known_ ? Stage::kOver : Stage::kReceiving;
+  return known_ ? absl::OkStatus() : ContinueAt(request.offset());
+}
+
+absl::Status MeshUpload::ContinueAt(std::uint64_t offset) {
+  PartialUpload kept = parts_.partials->Take(key_);
+  const std::uint64_t most =
+      std::min<std::uint64_t>(kept.bytes.size(), digest_.size_bytes());
+  if (offset > most) {
+    parts_.partials->Keep(key_, std::move(kept));
+    return UploadOffsetBeyond(offset, most);
+  }
+  const auto begin = static_cast<std::int64_t>(offset);
+  const auto size = static_cast<std::int64_t>(digest_.size_bytes());
+  kept.bytes.resize(offset);
+  kept.reservation.ShrinkTo(begin);
+  auto room = parts_.partials->Reserve(size - begin);
+  if (!room.ok()) {
+    parts_.partials->Keep(key_, std::move(kept));
+    return room.status();
+  }
+  received_ = std::move(kept);
+  received_.reservation.Merge(*std::move(room));
+  received_.bytes.reserve(digest_.size_bytes());
+  sha256_.Update(received_.bytes);
+  return absl::OkStatus();
+}
+
+absl::Status MeshUpload::Append(const std::string& chunk) {
+  if (stage_ == Stage::kNew) {
+    return UploadMalformed("a chunk before the header");
+  }
+  if (stage_ == Stage::kOver) return UploadMalformed("a chunk after the end");
+  const auto most = static_cast<std::size_t>(parts_.limits.max_chunk_bytes);
+  if (chunk.size() > most) {
+    return UploadMalformed(absl::StrCat("a chunk of ", chunk.size(),
+                                        " bytes, expected at most ", most));
+  }
+  if (chunk.size() > digest_.size_bytes() - received_.bytes.size()) {
+    return UploadMalformed(absl::StrCat(
+        "more bytes than the ", digest_.size_bytes(), " that the header says"));
+  }
+  sha256_.Update(chunk);
+  received_.bytes += chunk;
+  return absl::OkStatus();
+}
+
+absl::Status MeshUpload::End() {
+  if (stage_ == Stage::kNew) return UploadMalformed("no header came");
+  if (stage_ == Stage::kOver) return UploadMalformed("it is over");
+  const std::size_t received = received_.bytes.size();
+  if (received != digest_.size_bytes()) {
+    return UploadMalformed(absl::StrCat("the chunks have ", received,
+                                        " bytes, the header says ",
+                                        digest_.size_bytes()));
+  }
+  stage_ = Stage::kOver;
+  return Store();
+}
+
+absl::Status MeshUpload::Store() {
+  const std::string found = sha256_.HexDigest();
+  if (found != key_.sha256) return DigestMismatch(key_.sha256, found);
+  if (parts_.blobs
+          ->Put({key_.tenant, found}, std::move(received_.bytes),
+                Keep::kWhileRoom)
+          .ok()) {
+    return absl::OkStatus();
+  }
+  return UploadQuota(static_cast<std::int64_t>(digest_.size_bytes()),
+                     kRetryUploadQuota);
+}
+
+void MeshUpload::BreakOff() {
+  if (stage_ != Stage::kReceiving) return;
+  stage_ = Stage::kOver;
+  parts_.partials->Keep(key_, std::move(received_));
+}
+
+}  // namespace isomatch

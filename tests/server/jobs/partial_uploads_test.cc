@@ -1,0 +1,176 @@
+#include "server/jobs/partial_uploads.h"
+
+#include <atomic>
+#include <random>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "absl/strings/str_cat.h"
+#include "server/jobs/errors.h"
+#include "server/jobs/thread_pool.h"
+#include "tests/server/manual_executor.h"
+#include "tests/support/matchers.h"
+
+namespace isomatch {
+namespace {
+
+using testing::_;
+
+class PartialUploadsTest : public testing::Test {
+ protected:
+  /// An upload that has room for `room` bytes and has received `bytes`.
+  PartialUpload Received(const std::string& bytes, std::int64_t room) {
+    auto reserved = uploads_.Reserve(room);
+    EXPECT_THAT(reserved, IsOk());
+    return {bytes, *std::move(reserved)};
+  }
+
+  void Keep(const std::string& sha256, const std::string& bytes) {
+    uploads_.Keep({"default", sha256},
+                  Received(bytes, static_cast<std::int64_t>(bytes.size())));
+  }
+
+  std::size_t Kept(const std::string& sha256) const {
+    return uploads_.ReceivedBytes({"default", sha256});
+  }
+
+  MemoryBudget budget_{100};
+  ManualExecutor timers_;
+  PartialUploads uploads_{&budget_, &timers_, absl::Minutes(5)};
+};
+
+TEST_F(PartialUploadsTest, WhatIsKeptTakesItsOwnRoomOnlyAndIsTakenOnce) {
+  uploads_.Keep({"default", "a"}, Received("12345", 80));
+  EXPECT_EQ(budget_.reserved_bytes(), 5);
+  EXPECT_EQ(Kept("a"), 5);
+  {
+    const PartialUpload taken = uploads_.Take({"default", "a"});
+    EXPECT_EQ(taken.bytes, "12345");
+    EXPECT_EQ(taken.reservation.bytes(), 5);
+    EXPECT_EQ(Kept("a"), 0);
+    EXPECT_EQ(uploads_.Take({"default", "a"}).bytes, "");
+  }
+  EXPECT_EQ(budget_.reserved_bytes(), 0);
+  EXPECT_EQ(timers_.live_timers(), 0);
+}
+
+TEST_F(PartialUploadsTest, TenantsDoNotSeeEachOthersBytes) {
+  Keep("a", "12345");
+  EXPECT_EQ(uploads_.ReceivedBytes({"other", "a"}), 0);
+  EXPECT_EQ(uploads_.Take({"other", "a"}).bytes, "");
+  EXPECT_EQ(Kept("a"), 5);
+}
+
+TEST_F(PartialUploadsTest, OfTwoUploadsTheLongerIsKept) {
+  Keep("a", "12345");
+  Keep("a", "123");
+  EXPECT_EQ(Kept("a"), 5);
+  Keep("a", "1234567");
+  EXPECT_EQ(Kept("a"), 7);
+  EXPECT_EQ(budget_.reserved_bytes(), 7);
+}
+
+TEST_F(PartialUploadsTest, ExpiresAfterItsTimeWhichBeginsAnewWithEachKeep) {
+  Keep("a", "1");
+  timers_.Advance(absl::Minutes(4));
+  Keep("a", "12");
+  Keep("b", "1");
+  timers_.Advance(absl::Minutes(4));
+  EXPECT_EQ(Kept("a"), 2);
+  timers_.Advance(absl::Minutes(1));
+  EXPECT_EQ(Kept("a"), 0);
+  EXPECT_EQ(Kept("b"), 0);
+  EXPECT_EQ(budget_.reserved_bytes(), 0);
+}
+
+TEST_F(PartialUploadsTest, ATimerOfWhatWasKeptBeforeDropsNothing) {
+  BegunTimers timers;
+  PartialUploads uploads(&budget_, &timers, absl::Minutes(5));
+  const BlobKey key{"default", "a"};
+  for (int i = 0; i < 2; ++i) {
+    uploads.Take(key);
+    uploads.Keep(key, {"x", *uploads.Reserve(1)});
+  }
+  timers.Run(0);
+  EXPECT_EQ(uploads.ReceivedBytes(key), 1);
+  timers.Run(1);
+  EXPECT_EQ(uploads.ReceivedBytes(key), 0);
+}
+
+TEST_F(PartialUploadsTest, TheOldestGiveWayToWhatNeedsTheRoom) {
+  for (const char* sha256 : {"b", "a", "c"}) {
+    Keep(sha256, std::string(30, 'x'));
+  }
+  auto reserved = uploads_.Reserve(35);
+  ASSERT_THAT(reserved, IsOk());
+  EXPECT_EQ(Kept("b"), 0);
+  EXPECT_EQ(Kept("a"), 30);
+  EXPECT_EQ(Kept("c"), 30);
+}
+
+TEST_F(PartialUploadsTest, NothingGivesWayWhereItWouldNotHelp) {
+  Keep("a", std::string(30, 'x'));
+  auto active = uploads_.Reserve(60);
+  ASSERT_THAT(active, IsOk());
+  const auto refused = uploads_.Reserve(41);
+  EXPECT_EQ(DetailsOf(refused.status()).reason, "UPLOAD_QUOTA");
+  EXPECT_EQ(DetailsOf(refused.status()).retry_after, kRetryUploadQuota);
+  EXPECT_THAT(uploads_.Reserve(101),
+              StatusIs(absl::StatusCode::kResourceExhausted, _));
+  EXPECT_EQ(Kept("a"), 30);
+  EXPECT_THAT(uploads_.Reserve(40), IsOk());
+}
+
+TEST_F(PartialUploadsTest, TheirNumberIsBounded) {
+  MemoryBudget budget(1 << 20);
+  PartialUploads uploads(&budget, &timers_, absl::Minutes(5));
+  for (std::size_t i = 0; i <= PartialUploads::kMaxKept; ++i) {
+    uploads.Keep({"default", absl::StrCat(i)}, {"x", *uploads.Reserve(1)});
+  }
+  EXPECT_EQ(budget.reserved_bytes(), PartialUploads::kMaxKept);
+  EXPECT_EQ(uploads.ReceivedBytes({"default", "0"}), 0);
+  EXPECT_EQ(uploads.ReceivedBytes({"default", "1"}), 1);
+}
+
+TEST_F(PartialUploadsTest, ClearDropsAllAndItsTimers) {
+  Keep("a", "1");
+  uploads_.Clear();
+  EXPECT_EQ(budget_.reserved_bytes(), 0);
+  EXPECT_EQ(timers_.live_timers(), 0);
+}
+
+TEST_F(PartialUploadsTest, ThreadsShareItWithoutLosingRoom) {
+  MemoryBudget budget(10'000);
+  ThreadPool timers(1);
+  PartialUploads uploads(&budget, &timers, absl::Microseconds(50));
+  std::atomic<int> damaged = 0;
+  std::vector<std::jthread> threads;
+  for (unsigned seed = 0; seed < 4; ++seed) {
+    threads.emplace_back([&, seed] {
+      std::mt19937 random(seed);
+      for (int i = 0; i < 2000; ++i) {
+        const BlobKey key{"default", absl::StrCat(random() % 3)};
+        PartialUpload upload = uploads.Take(key);
+        if (upload.bytes != std::string(upload.bytes.size(), key.sha256[0])) {
+          ++damaged;
+        }
+        auto room = uploads.Reserve(static_cast<std::int64_t>(random() % 3000));
+        if (!room.ok()) continue;
+        upload.bytes.append(static_cast<size_t>(room->bytes()), key.sha256[0]);
+        upload.reservation.Merge(*std::move(room));
+        uploads.Keep(key, std::move(upload));
+      }
+    });
+  }
+  threads.clear();  // joins
+  EXPECT_EQ(damaged, 0);
+  uploads.Clear();
+  EXPECT_EQ(budget.reserved_bytes(), 0);
+}
+
+}  // namespace
+}  // namespace isomatch
