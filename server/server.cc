@@ -21,6 +21,7 @@
 #include "server/job_log.h"
 #include "server/jobs/job_metrics.h"
 #include "server/jobs/memory_limit.h"
+#include "server/jobs/prepared_cache.h"
 #include "server/jobs/process_memory.h"
 #include "server/jobs/thread_pool.h"
 #include "server/logging/log.h"
@@ -69,6 +70,15 @@ int ChooseThreads(const ServerConfig& config) {
   if (config.threads_per_job > 0) return config.threads_per_job;
   const int cores = static_cast<int>(std::thread::hardware_concurrency());
   return std::max(1, cores / config.workers);
+}
+
+/// Of running jobs and prepared meshes together.
+std::int64_t ChooseBudgetBytes(const ServerConfig& config) {
+  return ChooseMemoryBudget(config.memory_budget_bytes, AvailableMemoryBytes());
+}
+
+std::int64_t ChoosePreparedCacheBytes(const ServerConfig& config) {
+  return std::min(config.prepared_cache_bytes, ChooseBudgetBytes(config) / 4);
 }
 
 RequestLimits MakeRequestLimits(const ServerConfig& config) {
@@ -151,6 +161,7 @@ class Server::Impl {
   const std::unique_ptr<PrometheusMetrics> prometheus_;
   Metrics& metrics_;
   const Stores stores_;
+  PreparedCache prepared_;
   MemoryBudget budget_;
   MemoryBudget uploads_;
   const JobRunner runner_;
@@ -175,10 +186,11 @@ Server::Impl::Impl(const ServerConfig& config, MatchEngine engine,
       prometheus_(MakeMetrics(config)),
       metrics_(prometheus_ == nullptr ? NullMetrics() : *prometheus_),
       stores_(std::move(stores)),
-      budget_(ChooseMemoryBudget(config.memory_budget_bytes,
-                                 AvailableMemoryBytes())),
+      prepared_(ChoosePreparedCacheBytes(config), stores_.prepared.get()),
+      budget_(ChooseBudgetBytes(config) - ChoosePreparedCacheBytes(config)),
       uploads_(config.blob_store_bytes / 2),
-      runner_(std::move(engine), absl::Now),
+      runner_(std::move(engine), absl::Now,
+              config.prepared_cache_bytes > 0 ? &prepared_ : nullptr),
       workers_(std::make_unique<ThreadPool>(config.workers)),
       timers_(std::make_unique<ThreadPool>(1)),
       intake_(std::make_unique<ThreadPool>(1)),
@@ -241,7 +253,11 @@ LoadFigures Server::Impl::ReadLoad() {
           .memory_budget_bytes = budget_.total_bytes(),
           .memory_reserved_bytes = budget_.reserved_bytes(),
           .memory_measured_bytes = PeakResidentBytes(),
-          .stored_bytes = stores_.blobs->size_bytes()};
+          .stored_bytes = stores_.blobs->size_bytes(),
+          .prepared_bytes = prepared_.size_bytes(),
+          .prepared_in_memory = prepared_.counts().in_memory,
+          .prepared_on_disk = prepared_.counts().on_disk,
+          .prepared_missing = prepared_.counts().missing};
 }
 
 std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>

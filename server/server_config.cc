@@ -123,6 +123,10 @@ absl::Status ServerConfig::Validate() const {
       CheckBytes("--memory-budget", memory_budget_bytes, kMemoryBudgetBytes));
   ISOMATCH_RETURN_IF_ERROR(
       CheckBytes("--blob-store-bytes", blob_store_bytes, kBlobStoreBytes));
+  ISOMATCH_RETURN_IF_ERROR(CheckBytes(
+      "--prepared-cache-bytes", prepared_cache_bytes, kPreparedCacheBytes));
+  ISOMATCH_RETURN_IF_ERROR(CheckBytes(
+      "--prepared-store-bytes", prepared_store_bytes, kPreparedCacheBytes));
   ISOMATCH_RETURN_IF_ERROR(
       CheckCount("--max-queued-jobs", max_queued_jobs, kMaxQueuedJobs));
   ISOMATCH_RETURN_IF_ERROR(CheckCount("--max-queued-jobs-per-tenant",

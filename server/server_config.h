@@ -59,6 +59,11 @@ struct ServerConfig {
   static constexpr DurationRange kJobRetention = {absl::Minutes(1),
                                                   absl::Hours(24 * 3652)};
   absl::Duration job_retention = absl::Hours(7 * 24);
+  /// Bytes of prepared meshes that are kept in memory, of the memory budget and
+  /// at most a quarter of it, and in the data directory; 0 for none.
+  static constexpr IntRange kPreparedCacheBytes = {0, std::int64_t{1} << 50};
+  std::int64_t prepared_cache_bytes = std::int64_t{256} << 20;
+  std::int64_t prepared_store_bytes = std::int64_t{1} << 30;
   /// Bytes of uploaded meshes and results that are kept.
   static constexpr IntRange kBlobStoreBytes = {std::int64_t{16} << 20,
                                                std::int64_t{1} << 50};

@@ -139,6 +139,13 @@ void AddStorageFlags(FlagSet& flags, ServerConfig& config) {
   flags.AddBytes("--blob-store-bytes", config.blob_store_bytes,
                  ServerConfig::kBlobStoreBytes,
                  "Meshes and results that are kept");
+  flags.AddBytes("--prepared-cache-bytes", config.prepared_cache_bytes,
+                 ServerConfig::kPreparedCacheBytes,
+                 "Prepared meshes in memory, so that one that is matched again "
+                 "is not prepared again; 0 for none");
+  flags.AddBytes("--prepared-store-bytes", config.prepared_store_bytes,
+                 ServerConfig::kPreparedCacheBytes,
+                 "The same in --data-dir, of meshes used more than once");
   flags.AddDuration("--job-retention", config.job_retention,
                     ServerConfig::kJobRetention,
                     "How long a job and its result are kept after it ended");

@@ -17,8 +17,8 @@ struct ServerCommand {
 
 /// Reads command line, environment and configuration file of isomatch-server
 /// into `command`. Returns nullopt to go on, or the exit status: 0 after
-/// --help, --version, --print-config or --new-api-key, 2 for wrong values, about which standard error
-/// has been told.
+/// --help, --version, --print-config or --new-api-key, 2 for wrong values,
+/// about which standard error has been told.
 std::optional<int> ParseServerFlags(int argc, const char* const* argv,
                                     ServerCommand& command);
 

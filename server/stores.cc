@@ -14,8 +14,8 @@ namespace isomatch {
 namespace {
 
 void LogJournalError(const absl::Status& error) {
-  Log(LogLevel::kError, absl::StrCat("jobs are not saved, will try again: ",
-                                     error.message()));
+  Log(LogLevel::kError,
+      absl::StrCat("jobs are not saved, will try again: ", error.message()));
 }
 
 /// The job store as the last process left it.
@@ -24,8 +24,9 @@ absl::Status OpenJobs(const std::string& path, Stores& stores) {
                             SqliteJournal::Open(path));
   ISOMATCH_ASSIGN_OR_RETURN(SqliteJournal::Contents contents, journal->Load());
   for (const std::string& id : contents.unreadable) {
-    Log(LogLevel::kError, absl::StrCat("job ", id, " in ", path,
-                                       " cannot be read and is left out"),
+    Log(LogLevel::kError,
+        absl::StrCat("job ", id, " in ", path,
+                     " cannot be read and is left out"),
         {{"job", id}});
   }
   stores.jobs = std::make_unique<MemoryJobStore>(
@@ -52,6 +53,13 @@ absl::StatusOr<Stores> OpenStores(const ServerConfig& config) {
   ISOMATCH_ASSIGN_OR_RETURN(
       stores.blobs, DirectoryBlobStore::Open(absl::StrCat(folder, "/blobs"),
                                              config.blob_store_bytes));
+  if (config.prepared_cache_bytes > 0 && config.prepared_store_bytes > 0) {
+    ISOMATCH_ASSIGN_OR_RETURN(
+        stores.prepared,
+        DirectoryBlobStore::Open(absl::StrCat(folder, "/prepared"),
+                                 config.prepared_store_bytes,
+                                 {.are_digests = false}));
+  }
   return stores;
 }
 

@@ -20,12 +20,15 @@ struct Stores {
   std::unique_ptr<JobJournal> journal;
   std::unique_ptr<JobStore> jobs;
   std::unique_ptr<BlobStore> blobs;
+  /// Null without a data directory, or when the configuration wants none.
+  std::unique_ptr<BlobStore> prepared;
 };
 
 /// Opens the stores in config.data_dir, which is made if need be: jobs.sqlite
-/// and the folder blobs. In memory when the configuration is not durable. Errors name the directory:
-/// FAILED_PRECONDITION when another server uses it, or a newer version wrote
-/// it; UNAVAILABLE when it cannot be used; DATA_LOSS when it is damaged.
+/// and the folders blobs and prepared. In memory when the configuration is not
+/// durable. Errors name the directory: FAILED_PRECONDITION when another server
+/// uses it, or a newer version wrote it; UNAVAILABLE when it cannot be used;
+/// DATA_LOSS when it is damaged.
 absl::StatusOr<Stores> OpenStores(const ServerConfig& config);
 
 }  // namespace isomatch

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <memory>
+#include <optional>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -63,21 +64,42 @@ absl::StatusOr<Correspondence> MatchParts(const TriangleMesh& mesh_x,
                     landmarks, options, progress, stop);
 }
 
-absl::StatusOr<PreparedShape> PrepareOne(TriangleMesh mesh,
-                                         const MatchOptions& options,
-                                         const ProgressCallback& progress,
-                                         const std::stop_token& stop) {
-  ProgressReporter reporter(progress, StagePlan(options));
+using ShapeContents = std::shared_ptr<PreparedShape::Contents>;
+
+ShapeContents NewContents(TriangleMesh mesh, const MatchOptions& options) {
   auto contents = std::make_shared<PreparedShape::Contents>();
   contents->mesh = std::move(mesh);
   contents->key = PreparationKey::Of(options);
-  MeshParts parts = SplitIntoParts(contents->mesh);
-  contents->large_components = static_cast<std::int32_t>(parts.large.size());
-  std::array<PreparedMesh, 2> prepared;
-  ISOMATCH_RETURN_IF_ERROR(PrepareMeshes({std::move(parts.clean), std::nullopt},
-                                         options, &reporter, stop, &prepared));
-  contents->prepared = std::move(prepared[kX]);
-  return PreparedShape(std::move(contents));
+  return contents;
+}
+
+/// Fills in one or both; the second may be null.
+absl::Status PrepareContents(const std::array<ShapeContents, 2>& shapes,
+                             const MatchOptions& options,
+                             const ProgressCallback& progress,
+                             const std::stop_token& stop) {
+  std::array<std::optional<CleanMesh>, 2> clean;
+  const auto split = [&](int i) {
+    if (shapes[i] == nullptr) return absl::OkStatus();
+    MeshParts parts = SplitIntoParts(shapes[i]->mesh);
+    shapes[i]->large_components = static_cast<std::int32_t>(parts.large.size());
+    clean[i] = std::move(parts.clean);
+    return CheckNotCancelled(stop);
+  };
+  absl::Status status = absl::InternalError("not run");
+  RunWithThreads(options.threads, [&] {
+    ProgressReporter reporter(progress, StagePlan(options));
+    std::array<PreparedMesh, 2> prepared;
+    status = RunBoth([&] { return split(kX); }, [&] { return split(kY); });
+    if (status.ok()) {
+      status =
+          PrepareMeshes(std::move(clean), options, &reporter, stop, &prepared);
+    }
+    for (const int i : {kX, kY}) {
+      if (shapes[i] != nullptr) shapes[i]->prepared = std::move(prepared[i]);
+    }
+  });
+  return status;
 }
 
 template <typename T>
@@ -146,11 +168,48 @@ absl::StatusOr<PreparedShape> Prepare(TriangleMesh mesh,
                                       std::stop_token stop) {
   ISOMATCH_RETURN_IF_ERROR(options.Validate());
   ISOMATCH_RETURN_IF_ERROR(ValidateMesh(mesh, "mesh"));
-  absl::StatusOr<PreparedShape> shape = absl::InternalError("not run");
-  RunWithThreads(options.threads, [&] {
-    shape = PrepareOne(std::move(mesh), options, progress, stop);
-  });
-  return shape;
+  const ShapeContents shape = NewContents(std::move(mesh), options);
+  ISOMATCH_RETURN_IF_ERROR(
+      PrepareContents({shape, nullptr}, options, progress, stop));
+  return PreparedShape(shape);
+}
+
+absl::StatusOr<PreparedPair> PrepareBoth(TriangleMesh mesh_x,
+                                         TriangleMesh mesh_y,
+                                         const MatchOptions& options,
+                                         const ProgressCallback& progress,
+                                         std::stop_token stop) {
+  ISOMATCH_RETURN_IF_ERROR(options.Validate());
+  ISOMATCH_RETURN_IF_ERROR(ValidateMesh(mesh_x, "mesh_x"));
+  ISOMATCH_RETURN_IF_ERROR(ValidateMesh(mesh_y, "mesh_y"));
+  const ShapeContents x = NewContents(std::move(mesh_x), options);
+  const ShapeContents y = NewContents(std::move(mesh_y), options);
+  ISOMATCH_RETURN_IF_ERROR(PrepareContents({x, y}, options, progress, stop));
+  return PreparedPair{PreparedShape(x), PreparedShape(y)};
+}
+
+std::string PreparationText(const MatchOptions& options) {
+  const PreparationKey key = PreparationKey::Of(options);
+  return absl::StrCat(key.solved_vertices, " ", key.pool_size, " ",
+                      key.eigenpairs, " ", key.curvature_radius, " ",
+                      key.descriptor_radius);
+}
+
+std::int64_t PreparedShapeBytes(const PreparedShape& shape) {
+  // Of each vertex: mesh, clean mesh, stars, numberings and, where decimated,
+  // embedding; the last two measured, with a third to spare.
+  constexpr std::int64_t kVertex = 900;
+  const PreparedShape::Contents& contents = shape.contents();
+  const PreparedMesh& prepared = contents.prepared;
+  const auto bytes = [](std::int64_t count, size_t size) {
+    return count * static_cast<std::int64_t>(size);
+  };
+  return kVertex * (contents.mesh.num_vertices() +
+                    prepared.solved().mesh.num_vertices()) +
+         bytes(static_cast<std::int64_t>(prepared.hash.basis.fields().size()),
+               sizeof(float)) +
+         bytes(prepared.spectral.functions.size(), sizeof(double)) +
+         bytes(prepared.descriptors.columns.size(), sizeof(float));
 }
 
 absl::StatusOr<Correspondence> MatchPrepared(

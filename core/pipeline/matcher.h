@@ -211,6 +211,26 @@ absl::StatusOr<PreparedShape> Prepare(TriangleMesh mesh,
                                       const ProgressCallback& progress = {},
                                       std::stop_token stop = {});
 
+/// The two shapes of a pair.
+struct PreparedPair {
+  PreparedShape x;
+  PreparedShape y;
+};
+
+/// Prepare of both meshes, both at the same time where threads allow. Errors as
+/// Match.
+absl::StatusOr<PreparedPair> PrepareBoth(TriangleMesh mesh_x,
+                                         TriangleMesh mesh_y,
+                                         const MatchOptions& options,
+                                         const ProgressCallback& progress = {},
+                                         std::stop_token stop = {});
+
+/// Returns a short text, equal for options for which shapes are prepared alike.
+std::string PreparationText(const MatchOptions& options);
+
+/// Returns an upper bound on the bytes the shape holds, its mesh included.
+std::int64_t PreparedShapeBytes(const PreparedShape& shape);
+
 /// Match, of prepared shapes: the same result as of their meshes.
 /// INVALID_ARGUMENT also when one was prepared for other options; the message
 /// names the option. Meshes of several large components, which are matched one

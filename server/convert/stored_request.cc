@@ -6,6 +6,9 @@
 #include <google/protobuf/io/coded_stream.h>
 #include <google/protobuf/io/zero_copy_stream_impl_lite.h>
 
+#include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
+#include "core/pipeline/matcher.h"
 #include "server/jobs/errors.h"
 #include "server/storage/sha256.h"
 
@@ -32,6 +35,14 @@ JobInput TakeMesh(v1::Mesh& mesh) {
   digest.set_sha256(Sha256Hex(bytes));
   digest.set_size_bytes(bytes.size());
   return {digest.sha256(), std::move(bytes)};
+}
+
+/// REQUIRES: the mesh is named by digest.
+BlobKey PreparedKey(const std::string& tenant, const v1::Mesh& mesh,
+                    const std::string& preparation) {
+  return {tenant, Sha256Hex(absl::StrCat(
+                      mesh.digest().sha256(), " ", mesh.vertex_order(), " ",
+                      mesh.vertex_count(), " ", preparation))};
 }
 
 }  // namespace
@@ -62,7 +73,12 @@ absl::StatusOr<JobSpec> LoadJobSpec(const JobRecord& record,
   if (bytes == nullptr || !request.ParseFromString(*bytes)) {
     return ContentLost(record.id, "request");
   }
-  return ParseCreateJob(request, context, record.tenant);
+  ISOMATCH_ASSIGN_OR_RETURN(JobSpec spec,
+                            ParseCreateJob(request, context, record.tenant));
+  const std::string preparation = PreparationText(spec.options);
+  spec.prepared_x = PreparedKey(record.tenant, request.mesh_x(), preparation);
+  spec.prepared_y = PreparedKey(record.tenant, request.mesh_y(), preparation);
+  return spec;
 }
 
 }  // namespace isomatch

@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "server/jobs/errors.h"
+#include "server/jobs/prepared_matching.h"
 #include "server/jobs/process_memory.h"
 
 namespace isomatch {
@@ -165,12 +166,15 @@ absl::StatusOr<RunOutcome> JobRunner::Run(const LoadSpec& load,
   try {
     RunMeter meter(now_, on_progress);
     ISOMATCH_ASSIGN_OR_RETURN(const JobSpec spec, load());
+    const ProgressCallback report = [&](const Progress& progress) {
+      meter.OnProgress(progress);
+    };
     ISOMATCH_ASSIGN_OR_RETURN(
         Correspondence found,
-        engine_.match(
-            spec.mesh_x, spec.mesh_y, spec.landmarks, spec.options,
-            [&](const Progress& progress) { meter.OnProgress(progress); },
-            stop));
+        cache_ != nullptr && engine_.match_prepared
+            ? MatchWithCache(engine_, spec, *cache_, report, stop)
+            : engine_.match(spec.mesh_x, spec.mesh_y, spec.landmarks,
+                            spec.options, report, stop));
     RunOutcome outcome;
     outcome.parts = EncodeParts(found);
     outcome.result = Summarize(spec, std::move(found));

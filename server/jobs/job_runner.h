@@ -10,6 +10,7 @@
 #include "absl/time/time.h"
 #include "server/jobs/job_spec.h"
 #include "server/jobs/match_engine.h"
+#include "server/jobs/prepared_cache.h"
 #include "server/jobs/result_parts.h"
 #include "server/storage/job_record.h"
 
@@ -33,8 +34,9 @@ class JobRunner {
   /// The shortest time between two calls of OnProgress within a stage.
   static constexpr absl::Duration kProgressInterval = absl::Milliseconds(100);
 
-  JobRunner(MatchEngine engine, Clock now)
-      : engine_(std::move(engine)), now_(std::move(now)) {}
+  /// `cache` may be null and outlives the runner.
+  JobRunner(MatchEngine engine, Clock now, PreparedCache* cache = nullptr)
+      : engine_(std::move(engine)), now_(std::move(now)), cache_(cache) {}
 
   /// Returns an upper bound on the bytes the job needs, its meshes included.
   std::int64_t EstimateBytes(const JobSpec& spec) const;
@@ -52,6 +54,7 @@ class JobRunner {
  private:
   const MatchEngine engine_;
   const Clock now_;
+  PreparedCache* const cache_;
 };
 
 }  // namespace isomatch

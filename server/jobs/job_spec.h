@@ -10,6 +10,7 @@
 #include "core/mesh/triangle_mesh.h"
 #include "core/pipeline/match_options.h"
 #include "core/pipeline/matcher.h"
+#include "server/storage/blob_store.h"
 
 namespace isomatch {
 
@@ -42,6 +43,10 @@ struct JobSpec {
   std::string request_id;
   /// SHA-256 of the request; tells a retry from another request.
   std::string request_sha256;
+  /// What the prepared shapes are found by; see PreparedCache. Not set: they
+  /// are not looked for.
+  std::optional<BlobKey> prepared_x;
+  std::optional<BlobKey> prepared_y;
   /// What all above is read from again when the job starts.
   std::vector<JobInput> inputs;
 };

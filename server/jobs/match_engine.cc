@@ -3,7 +3,12 @@
 namespace isomatch {
 
 MatchEngine CoreMatchEngine() {
-  return {Match, EstimateMemoryBytes, ValidateLandmarks};
+  return {Match,
+          Prepare,
+          PrepareBoth,
+          MatchPrepared,
+          EstimateMemoryBytes,
+          ValidateLandmarks};
 }
 
 }  // namespace isomatch

@@ -20,6 +20,20 @@ struct MatchEngine {
       absl::Span<const Landmark> landmarks, const MatchOptions& options,
       const ProgressCallback& progress, std::stop_token stop)>
       match;
+  /// As Prepare, PrepareBoth and MatchPrepared.
+  std::function<absl::StatusOr<PreparedShape>(
+      TriangleMesh mesh, const MatchOptions& options,
+      const ProgressCallback& progress, std::stop_token stop)>
+      prepare;
+  std::function<absl::StatusOr<PreparedPair>(
+      TriangleMesh mesh_x, TriangleMesh mesh_y, const MatchOptions& options,
+      const ProgressCallback& progress, std::stop_token stop)>
+      prepare_both;
+  std::function<absl::StatusOr<Correspondence>(
+      const PreparedShape& x, const PreparedShape& y,
+      absl::Span<const Landmark> landmarks, const MatchOptions& options,
+      const ProgressCallback& progress, std::stop_token stop)>
+      match_prepared;
   /// As EstimateMemoryBytes.
   std::function<std::int64_t(MeshSize x, MeshSize y, std::int64_t num_landmarks,
                              const MatchOptions& options)>

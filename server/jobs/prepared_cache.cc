@@ -1,22 +1,22 @@
 #include "server/jobs/prepared_cache.h"
 
+#include <iterator>
 #include <utility>
 
 namespace isomatch {
 
-std::optional<PreparedShape> PreparedCache::Find(const PreparedKey& key,
+std::optional<PreparedShape> PreparedCache::Find(const BlobKey& key,
                                                  const std::stop_token& stop) {
   bool write = false;
   std::optional<PreparedShape> shape = FindInMemory(key, write);
   if (!shape) return FindOnDisk(key, stop);
   if (write) {  // a cache: when the disk refuses, it does without
-    (void)disk_->Put({key.tenant, key.sha256}, SerializePreparedShape(*shape),
-                     Keep::kWhileRoom);
+    (void)disk_->Put(key, SerializePreparedShape(*shape), Keep::kWhileRoom);
   }
   return shape;
 }
 
-std::optional<PreparedShape> PreparedCache::FindInMemory(const PreparedKey& key,
+std::optional<PreparedShape> PreparedCache::FindInMemory(const BlobKey& key,
                                                          bool& write) {
   MutexLock lock(mutex_);
   const auto found = by_key_.find(key);
@@ -29,9 +29,8 @@ std::optional<PreparedShape> PreparedCache::FindInMemory(const PreparedKey& key,
 }
 
 std::optional<PreparedShape> PreparedCache::FindOnDisk(
-    const PreparedKey& key, const std::stop_token& stop) {
-  const BlobStore::Blob bytes =
-      disk_ == nullptr ? nullptr : disk_->Get({key.tenant, key.sha256});
+    const BlobKey& key, const std::stop_token& stop) {
+  const BlobStore::Blob bytes = disk_ == nullptr ? nullptr : disk_->Get(key);
   if (bytes != nullptr) {
     auto parsed = ParsePreparedShape(*bytes, stop);
     if (parsed.ok()) {
@@ -46,11 +45,11 @@ std::optional<PreparedShape> PreparedCache::FindOnDisk(
   return std::nullopt;
 }
 
-void PreparedCache::Keep(const PreparedKey& key, const PreparedShape& shape) {
+void PreparedCache::Keep(const BlobKey& key, const PreparedShape& shape) {
   Insert(key, shape, /*is_on_disk=*/false);
 }
 
-void PreparedCache::Insert(const PreparedKey& key, const PreparedShape& shape,
+void PreparedCache::Insert(const BlobKey& key, const PreparedShape& shape,
                            bool is_on_disk) {
   const std::int64_t bytes = PreparedShapeBytes(shape);
   if (bytes > capacity_bytes_) return;

@@ -13,20 +13,12 @@
 
 namespace isomatch {
 
-/// What a prepared shape is found by.
-struct PreparedKey {
-  /// As Caller::tenant.
-  std::string tenant;
-  /// SHA-256 of all that the shape depends on: the mesh's bytes, how its
-  /// vertices are numbered, PreparationText of the options.
-  std::string sha256;
-
-  auto operator<=>(const PreparedKey&) const = default;
-};
-
 /// Shapes that were prepared for earlier jobs: in memory, never more than
 /// `capacity_bytes` of them, the least recently used go first; those that were
 /// used again also in a blob store that outlives the process.
+///
+/// A key's sha256 is of all that the shape depends on: the digest of the mesh,
+/// how its vertices are numbered, PreparationText of the options.
 ///
 /// Thread-safe.
 class PreparedCache {
@@ -44,11 +36,11 @@ class PreparedCache {
       : capacity_bytes_(capacity_bytes), disk_(disk) {}
 
   /// Returns the shape, or nullopt. A second use puts it on disk.
-  std::optional<PreparedShape> Find(const PreparedKey& key,
+  std::optional<PreparedShape> Find(const BlobKey& key,
                                     const std::stop_token& stop);
 
   /// Keeps the shape, unless it is larger than all the room.
-  void Keep(const PreparedKey& key, const PreparedShape& shape);
+  void Keep(const BlobKey& key, const PreparedShape& shape);
 
   /// Of the shapes in memory.
   std::int64_t size_bytes() const;
@@ -56,26 +48,23 @@ class PreparedCache {
 
  private:
   struct Entry {
-    PreparedKey key;
+    BlobKey key;
     PreparedShape shape;
     std::int64_t bytes;
     bool is_on_disk;
   };
 
-  std::optional<PreparedShape> FindInMemory(const PreparedKey& key,
-                                            bool& write);
-  std::optional<PreparedShape> FindOnDisk(const PreparedKey& key,
+  std::optional<PreparedShape> FindInMemory(const BlobKey& key, bool& write);
+  std::optional<PreparedShape> FindOnDisk(const BlobKey& key,
                                           const std::stop_token& stop);
-  void Insert(const PreparedKey& key, const PreparedShape& shape,
-              bool is_on_disk);
+  void Insert(const BlobKey& key, const PreparedShape& shape, bool is_on_disk);
 
   const std::int64_t capacity_bytes_;
   BlobStore* const disk_;
   mutable Mutex mutex_;
   /// Most recently used first.
   std::list<Entry> entries_ ABSL_GUARDED_BY(mutex_);
-  std::map<PreparedKey, std::list<Entry>::iterator> by_key_
-      ABSL_GUARDED_BY(mutex_);
+  std::map<BlobKey, std::list<Entry>::iterator> by_key_ ABSL_GUARDED_BY(mutex_);
   std::int64_t size_bytes_ ABSL_GUARDED_BY(mutex_) = 0;
   Counts counts_ ABSL_GUARDED_BY(mutex_);
 };

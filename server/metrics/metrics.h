@@ -53,6 +53,12 @@ struct LoadFigures {
   /// The peak of the process since a job last started.
   std::int64_t memory_measured_bytes = 0;
   std::int64_t stored_bytes = 0;
+  /// Of prepared meshes in memory; since the start, how many were found there,
+  /// on disk, or not at all.
+  std::int64_t prepared_bytes = 0;
+  std::int64_t prepared_in_memory = 0;
+  std::int64_t prepared_on_disk = 0;
+  std::int64_t prepared_missing = 0;
 };
 
 }  // namespace isomatch

@@ -58,6 +58,23 @@ MetricFamily MakeGauge(const std::string& name, const std::string& help,
   return family;
 }
 
+/// A counter by where prepared meshes were found.
+MetricFamily PreparedTotal(const LoadFigures& load) {
+  MetricFamily family;
+  family.name = "isomatch_prepared_total";
+  family.help = "Meshes that jobs needed, by where their preparation was found";
+  family.type = prometheus::MetricType::Counter;
+  for (const auto& [found, count] :
+       {std::pair("memory", load.prepared_in_memory),
+        std::pair("disk", load.prepared_on_disk),
+        std::pair("none", load.prepared_missing)}) {
+    family.metric.emplace_back();
+    family.metric.back().label = {{"found", found}};
+    family.metric.back().counter.value = static_cast<double>(count);
+  }
+  return family;
+}
+
 /// Gauges that are read when Prometheus asks.
 class LoadCollector final : public prometheus::Collectable {
  public:
@@ -83,6 +100,9 @@ class LoadCollector final : public prometheus::Collectable {
                   bytes(load.memory_measured_bytes)),
         MakeGauge("stored_bytes", "Meshes and results that are kept",
                   bytes(load.stored_bytes)),
+        MakeGauge("prepared_bytes", "Prepared meshes in memory",
+                  bytes(load.prepared_bytes)),
+        PreparedTotal(load),
     };
   }
 

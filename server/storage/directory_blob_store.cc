@@ -11,7 +11,6 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "server/storage/files.h"
 #include "server/storage/sha256.h"
 
 namespace isomatch {
@@ -59,21 +58,21 @@ absl::StatusOr<std::vector<FoundFile>> FilesIn(const std::string& folder) {
 
 absl::StatusOr<std::unique_ptr<DirectoryBlobStore>> DirectoryBlobStore::Open(
     const std::string& folder, std::int64_t capacity_bytes) {
-  return Open(folder, capacity_bytes, WriteFileDurably);
+  return Open(folder, capacity_bytes, Options());
 }
 
 absl::StatusOr<std::unique_ptr<DirectoryBlobStore>> DirectoryBlobStore::Open(
-    const std::string& folder, std::int64_t capacity_bytes, Writer writer) {
+    const std::string& folder, std::int64_t capacity_bytes, Options options) {
   std::unique_ptr<DirectoryBlobStore> store(
-      new DirectoryBlobStore(folder, capacity_bytes, std::move(writer)));
+      new DirectoryBlobStore(folder, capacity_bytes, std::move(options)));
   ISOMATCH_RETURN_IF_ERROR(store->Scan());
   return store;
 }
 
 DirectoryBlobStore::DirectoryBlobStore(const std::string& folder,
                                        std::int64_t capacity_bytes,
-                                       Writer writer)
-    : folder_(folder), write_(std::move(writer)), index_(capacity_bytes) {}
+                                       Options options)
+    : folder_(folder), options_(std::move(options)), index_(capacity_bytes) {}
 
 absl::Status DirectoryBlobStore::Scan() {
   const std::string temporary = absl::StrCat(folder_, "/", kTemporaryFolder);
@@ -136,7 +135,7 @@ absl::Status DirectoryBlobStore::Write(const BlobKey& key,
     absl::StrAppend(&temporary, ++last_temporary_);
   }
   ISOMATCH_RETURN_IF_ERROR(MakeFolder(fs::path(path).parent_path()));
-  return write_(path, temporary, bytes);
+  return options_.write(path, temporary, bytes);
 }
 
 bool DirectoryBlobStore::Pin(const BlobKey& key) {
@@ -159,7 +158,8 @@ BlobStore::Blob DirectoryBlobStore::Get(const BlobKey& key) {
     size = entry->bytes;
   }
   auto bytes = ReadWholeFile(PathOf(key), size);
-  const bool intact = bytes.ok() && Sha256Hex(*bytes) == key.sha256;
+  const bool intact =
+      bytes.ok() && (!options_.are_digests || Sha256Hex(*bytes) == key.sha256);
   MutexLock lock(mutex_);
   BlobIndex::Entry* entry = index_.Touch(key);
   if (!intact) {

@@ -11,6 +11,7 @@
 #include "core/base/mutex.h"
 #include "server/storage/blob_index.h"
 #include "server/storage/blob_store.h"
+#include "server/storage/files.h"
 
 namespace isomatch {
 
@@ -20,10 +21,15 @@ namespace isomatch {
 /// name says is treated as missing. Thread-safe; one store for each folder.
 class DirectoryBlobStore : public BlobStore {
  public:
-  /// As WriteFileDurably; tests make it fail.
-  using Writer = std::function<absl::Status(const std::string& path,
-                                            const std::string& temporary,
-                                            absl::string_view bytes)>;
+  struct Options {
+    /// As WriteFileDurably; tests make it fail.
+    std::function<absl::Status(const std::string& path,
+                               const std::string& temporary,
+                               absl::string_view bytes)>
+        write = WriteFileDurably;
+    /// False: names are not the digests of the content, which is not checked.
+    bool are_digests = true;
+  };
 
   /// Opens the folder, which is made if need be, and removes what a crash left
   /// half written. Blobs beyond the capacity stay until room is needed.
@@ -31,7 +37,7 @@ class DirectoryBlobStore : public BlobStore {
   static absl::StatusOr<std::unique_ptr<DirectoryBlobStore>> Open(
       const std::string& folder, std::int64_t capacity_bytes);
   static absl::StatusOr<std::unique_ptr<DirectoryBlobStore>> Open(
-      const std::string& folder, std::int64_t capacity_bytes, Writer writer);
+      const std::string& folder, std::int64_t capacity_bytes, Options options);
 
   absl::Status Put(const BlobKey& key, std::string bytes, Keep keep) override;
   bool Pin(const BlobKey& key) override;
@@ -42,7 +48,7 @@ class DirectoryBlobStore : public BlobStore {
 
  private:
   DirectoryBlobStore(const std::string& folder, std::int64_t capacity_bytes,
-                     Writer writer);
+                     Options options);
 
   /// Fills the index from the folder, the last written as the last used.
   absl::Status Scan();
@@ -56,7 +62,7 @@ class DirectoryBlobStore : public BlobStore {
   absl::Status TakeRoom(std::int64_t bytes);
 
   const std::string folder_;
-  const Writer write_;
+  const Options options_;
   mutable Mutex mutex_;
   BlobIndex index_ ABSL_GUARDED_BY(mutex_);
   /// Of blobs that are being written.

@@ -1,3 +1,5 @@
+#include <malloc.h>
+
 #include <cstdint>
 #include <cstring>
 #include <string>
@@ -55,6 +57,44 @@ TEST_P(PreparedShapeTest, GivesTheSameResultAsTheMeshes) {
   const auto prepared = MatchPrepared(Prepared(x_), Prepared(y_), {}, options_);
   ASSERT_THAT(prepared, IsOk());
   ExpectSame(*direct, *prepared);
+}
+
+TEST_P(PreparedShapeTest, BothAtOnceAreAsOneByOne) {
+  const auto pair = PrepareBoth(x_, y_, options_);
+  ASSERT_THAT(pair, IsOk());
+  EXPECT_EQ(SerializePreparedShape(pair->x),
+            SerializePreparedShape(Prepared(x_)));
+  EXPECT_EQ(SerializePreparedShape(pair->y),
+            SerializePreparedShape(Prepared(y_)));
+  EXPECT_THAT(PrepareBoth(x_, TriangleMesh(), options_),
+              StatusIs(absl::StatusCode::kInvalidArgument,
+                       testing::StartsWith("mesh_y")));
+}
+
+TEST_P(PreparedShapeTest, ItsSizeIsAnUpperBoundAndNotAWildOne) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  GTEST_SKIP() << "sanitizers change what a process allocates";
+#endif
+  const auto in_use = [] {
+    const struct mallinfo2 heap = mallinfo2();
+    return static_cast<std::int64_t>(heap.uordblks + heap.hblkhd);
+  };
+  (void)Prepared(y_);  // what stays allocated after the first time
+  const std::int64_t before = in_use();
+  const PreparedShape shape = Prepared(y_);
+  const std::int64_t measured = in_use() - before;
+  RecordProperty("measured_bytes", std::to_string(measured));
+  EXPECT_GE(PreparedShapeBytes(shape), measured);
+  EXPECT_LE(PreparedShapeBytes(shape), 2 * measured);
+}
+
+TEST_P(PreparedShapeTest, OptionsThatPrepareAlikeHaveTheSameText) {
+  MatchOptions other = options_;
+  other.random_seed += 1;
+  other.threads = 2;
+  EXPECT_EQ(PreparationText(options_), PreparationText(other));
+  other.solved_vertices += 1;
+  EXPECT_NE(PreparationText(options_), PreparationText(other));
 }
 
 TEST_P(PreparedShapeTest, SurvivesSerialisation) {

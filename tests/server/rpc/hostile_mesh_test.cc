@@ -248,6 +248,7 @@ TEST_F(HostileMeshTest, LandmarksOnNoFaceAreRefused) {
 TEST_F(HostileMeshTest, AJobBeyondTheBudgetIsRefusedWithNumbers) {
   ServerConfig config = TestConfig();
   config.memory_budget_bytes = std::int64_t{16} << 20;
+  config.prepared_cache_bytes = 0;
   auto small = Server::Create(config);
   ASSERT_TRUE(small.ok()) << small.status();
   const auto stub =

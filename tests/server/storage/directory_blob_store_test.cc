@@ -107,10 +107,10 @@ TEST_F(DirectoryBlobStoreTest, ARefusingDiskLeavesNothingBehind) {
   absl::Status disk;
   auto store = DirectoryBlobStore::Open(
       root_, 100,
-      [&](const std::string& path, const std::string& temporary,
-          absl::string_view bytes) {
+      {.write = [&](const std::string& path, const std::string& temporary,
+                    absl::string_view bytes) {
         return disk.ok() ? WriteFileDurably(path, temporary, bytes) : disk;
-      });
+      }});
   ASSERT_THAT(store, IsOk());
   disk = absl::ResourceExhaustedError("full");
   EXPECT_THAT((*store)->Put(KeyOf("a"), "a", Keep::kPinned),
