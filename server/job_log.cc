@@ -34,7 +34,10 @@ void LogState(const JobRecord& job, absl::Time now) {
   const std::string state = JobStateName(job.state);
   std::string message =
       absl::StrFormat("job %s %s after %.1f s", job.id, state, seconds);
-  LogFields fields = {{"job", job.id}, {"state", state}, {"seconds", seconds}};
+  LogFields fields = {{"job", job.id},
+                      {"tenant", job.tenant},
+                      {"state", state},
+                      {"seconds", seconds}};
   if (job.error) AddError(*job.error, message, fields);
   if (job.result) AddResult(job, message, fields);
   Log(job.error ? LogLevel::kWarning : LogLevel::kInfo, message, fields);

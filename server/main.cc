@@ -4,6 +4,7 @@
 #include <optional>
 #include <thread>
 
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include "absl/strings/str_cat.h"
@@ -101,6 +102,7 @@ int ReportHealth(const std::string& address, ProbeTransport transport) {
 }
 
 int Serve(const ServerConfig& config) {
+  umask(S_IRWXG | S_IRWXO);  // what it stores is nobody else's
   const sigset_t signals = BlockStopSignals();
   const auto server = Server::Create(config);
   if (!server.ok()) {

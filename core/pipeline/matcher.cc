@@ -1,5 +1,6 @@
 #include "core/pipeline/matcher.h"
 
+#include <algorithm>
 #include <array>
 #include <memory>
 #include <optional>
@@ -196,9 +197,11 @@ std::string PreparationText(const MatchOptions& options) {
 }
 
 std::int64_t PreparedShapeBytes(const PreparedShape& shape) {
-  // Of each vertex: mesh, clean mesh, stars, numberings and, where decimated,
-  // embedding; the last two measured, with a third to spare.
+  // Of each vertex, and of each face beyond two a vertex: mesh, clean mesh,
+  // stars, numberings and, where decimated, embedding; measured, with a third
+  // to spare.
   constexpr std::int64_t kVertex = 900;
+  constexpr std::int64_t kFace = 150;
   const PreparedShape::Contents& contents = shape.contents();
   const PreparedMesh& prepared = contents.prepared;
   const auto bytes = [](std::int64_t count, size_t size) {
@@ -206,6 +209,9 @@ std::int64_t PreparedShapeBytes(const PreparedShape& shape) {
   };
   return kVertex * (contents.mesh.num_vertices() +
                     prepared.solved().mesh.num_vertices()) +
+         kFace *
+             std::max<std::int64_t>(0, contents.mesh.num_faces() -
+                                           2 * contents.mesh.num_vertices()) +
          bytes(static_cast<std::int64_t>(prepared.hash.basis.fields().size()),
                sizeof(float)) +
          bytes(prepared.spectral.functions.size(), sizeof(double)) +

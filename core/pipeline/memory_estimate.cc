@@ -147,7 +147,24 @@ double Threads(const MatchOptions& options) {
              : std::max(1u, std::thread::hardware_concurrency());
 }
 
+double MeshBytes(MeshSize mesh) {
+  constexpr double kVertex = 3 * sizeof(double);
+  constexpr double kFace = 3 * sizeof(VertexIndex);
+  return kVertex * double(mesh.vertices) + kFace * double(mesh.faces);
+}
+
 }  // namespace
+
+std::int64_t EstimatePreparedExtraBytes(MeshSize x, MeshSize y,
+                                        const MatchOptions& options) {
+  const ShapeBytes solved = BytesOf(SolvedSize(x, options), 0, options);
+  constexpr double kLargest = 9e18;
+  return static_cast<std::int64_t>(
+      std::min(MeshBytes(x) + MeshBytes(y) + FullBytesOf(x, options).later +
+                   solved.working + solved.fields + solved.functions +
+                   solved.descriptors,
+               kLargest));
+}
 
 std::int64_t EstimateMemoryBytes(MeshSize x, MeshSize y,
                                  std::int64_t num_landmarks,

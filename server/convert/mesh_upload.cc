@@ -94,12 +94,10 @@ absl::Status MeshUpload::End() {
 absl::Status MeshUpload::Store() {
   const std::string found = sha256_.HexDigest();
   if (found != key_.sha256) return DigestMismatch(key_.sha256, found);
-  if (parts_.blobs
-          ->Put({key_.tenant, found}, std::move(received_.bytes),
-                Keep::kWhileRoom)
-          .ok()) {
-    return absl::OkStatus();
-  }
+  const absl::Status put =
+      parts_.blobs->Put(key_, std::move(received_.bytes), Keep::kWhileRoom);
+  if (put.ok()) return put;
+  if (!absl::IsResourceExhausted(put)) return StorageFailed(put);
   return UploadQuota(static_cast<std::int64_t>(digest_.size_bytes()),
                      kRetryUploadQuota);
 }

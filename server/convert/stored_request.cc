@@ -1,5 +1,6 @@
 #include "server/convert/stored_request.h"
 
+#include <algorithm>
 #include <cstdint>
 #include <utility>
 
@@ -75,6 +76,10 @@ absl::StatusOr<JobSpec> LoadJobSpec(const JobRecord& record,
   }
   ISOMATCH_ASSIGN_OR_RETURN(JobSpec spec,
                             ParseCreateJob(request, context, record.tenant));
+  // No more than its reservation counts with, whatever the server gives now.
+  if (record.threads > 0) {
+    spec.options.threads = std::min(spec.options.threads, record.threads);
+  }
   const std::string preparation = PreparationText(spec.options);
   spec.prepared_x = PreparedKey(record.tenant, request.mesh_x(), preparation);
   spec.prepared_y = PreparedKey(record.tenant, request.mesh_y(), preparation);

@@ -118,18 +118,26 @@ JobSnapshot JobManager::SnapshotOf(JobRecord record) const {
 
 // A job's way in.
 
-absl::Status JobManager::CheckPlace(const Caller& caller,
-                                    const std::string& request_id) const {
-  absl::Status status;
+absl::StatusOr<JobManager::Place> JobManager::TakePlace(
+    const Caller& caller, const std::string& request_id) {
   {
     MutexLock lock(mutex_);
-    status = CheckPlaceLocked(caller.tenant);
+    const absl::Status status = CheckPlaceLocked(caller.tenant);
+    if (status.ok()) {
+      ++arriving_;
+      return Place(this, [](JobManager* manager) { manager->GivePlaceBack(); });
+    }
+    if (request_id.empty()) return status;
   }
-  const bool may_be_known = !status.ok() && !request_id.empty();
-  if (may_be_known && parts_.jobs->FindByRequestId(caller.tenant, request_id)) {
-    return absl::OkStatus();
-  }
-  return status;
+  // The answer may be the job that the request has made before.
+  if (parts_.jobs->FindByRequestId(caller.tenant, request_id)) return Place();
+  MutexLock lock(mutex_);
+  return CheckPlaceLocked(caller.tenant);
+}
+
+void JobManager::GivePlaceBack() {
+  MutexLock lock(mutex_);
+  --arriving_;
 }
 
 absl::Status JobManager::CheckPlaceLocked(const std::string& tenant) const {
@@ -146,7 +154,7 @@ absl::Status JobManager::CheckPlaceLocked(const std::string& tenant) const {
 }
 
 absl::StatusOr<JobSnapshot> JobManager::Create(const Caller& caller,
-                                               JobSpec spec) {
+                                               JobSpec spec, Place place) {
   ISOMATCH_ASSIGN_OR_RETURN(
       std::optional<JobSnapshot> before,
       FindRequest(caller, spec.request_id, spec.request_sha256));
@@ -158,6 +166,9 @@ absl::StatusOr<JobSnapshot> JobManager::Create(const Caller& caller,
                                         budget_bytes);
   }
   if (spec.validate_only) return JobSnapshot{std::move(record), 0};
+  if (place == nullptr) {
+    ISOMATCH_ASSIGN_OR_RETURN(place, TakePlace(caller, ""));
+  }
   record.id = parts_.new_id();
   return Accept(caller, std::move(record), std::move(spec.inputs));
 }
@@ -175,6 +186,7 @@ JobRecord JobManager::NewRecord(const Caller& caller,
   record.cancel_when_unwatched = spec.cancel_when_unwatched;
   record.queue_timeout = spec.queue_timeout;
   record.run_timeout = spec.run_timeout;
+  record.threads = spec.options.threads;
   for (const JobInput& input : spec.inputs) {
     record.inputs.push_back(input.sha256);
   }
@@ -184,23 +196,14 @@ JobRecord JobManager::NewRecord(const Caller& caller,
 absl::StatusOr<JobSnapshot> JobManager::Accept(const Caller& caller,
                                                JobRecord record,
                                                std::vector<JobInput> inputs) {
-  {
-    MutexLock lock(mutex_);
-    ISOMATCH_RETURN_IF_ERROR(CheckPlaceLocked(caller.tenant));
-    ++arriving_;
-  }
-  const std::string request_id = record.request_id;
-  const std::string request_sha256 = record.request_sha256;
   // Before others can end it, so that Move finds it guarded.
   const std::string id = record.id;
   if (record.cancel_when_unwatched) guard_.Guard(id);
+  const std::string request_id = record.request_id;
+  const std::string request_sha256 = record.request_sha256;
   const auto stored = Store(std::move(record), std::move(inputs));
   if (!stored.ok()) {
     guard_.Release(id);
-    {
-      MutexLock lock(mutex_);
-      --arriving_;
-    }
     // The same request may have come twice at the same time.
     ISOMATCH_ASSIGN_OR_RETURN(std::optional<JobSnapshot> other,
                               FindRequest(caller, request_id, request_sha256));
@@ -208,10 +211,6 @@ absl::StatusOr<JobSnapshot> JobManager::Accept(const Caller& caller,
     return stored.status();
   }
   if (parts_.on_state) parts_.on_state(*stored);
-  {
-    MutexLock lock(mutex_);
-    --arriving_;
-  }
   Enqueue(*stored);
   return Get(caller, stored->id);
 }
@@ -270,9 +269,13 @@ void JobManager::Enqueue(const JobRecord& record) {
       queue_.Push(live);
     }
   }
-  if (too_late && !limits_.durable) {
-    (void)Stop(record.id, JobState::kCancelled, NoEdit);
+  if (too_late) {
+    guard_.Release(record.id);
+    if (!limits_.durable) (void)Stop(record.id, JobState::kCancelled, NoEdit);
+    return;
   }
+  const std::optional<JobRecord> now = parts_.jobs->Get(record.id);
+  if (!now || IsTerminal(now->state)) Unqueue(record.id);  // ended meanwhile
   Dispatch();
 }
 
@@ -283,11 +286,24 @@ void JobManager::Begin() {
   all.limit = std::numeric_limits<int>::max();
   std::vector<JobRecord> records = parts_.jobs->List(all);
   std::reverse(records.begin(), records.end());  // the oldest first
-  for (const JobRecord& record : records) TakeUp(record);
+  {
+    MutexLock lock(mutex_);
+    is_beginning_ = true;
+  }
+  // All pins before anything is stored or forgotten.
+  for (const JobRecord& record : records) PinBlobs(record);
+  for (const JobRecord& record : records) {
+    if (!IsTerminal(record.state)) TakeUp(record);
+  }
   ForgetOld();
+  {
+    MutexLock lock(mutex_);
+    is_beginning_ = false;
+  }
+  Dispatch();
 }
 
-void JobManager::TakeUp(const JobRecord& record) {
+void JobManager::PinBlobs(const JobRecord& record) {
   if (record.result) {
     for (const StoredPart& part : record.result->parts) {
       (void)parts_.blobs->Pin({record.tenant, part.sha256});
@@ -297,6 +313,9 @@ void JobManager::TakeUp(const JobRecord& record) {
   for (const std::string& sha256 : record.inputs) {
     (void)parts_.blobs->Pin({record.tenant, sha256});
   }
+}
+
+void JobManager::TakeUp(const JobRecord& record) {
   const std::int64_t budget_bytes = parts_.budget->total_bytes();
   const bool ran = record.state == JobState::kRunning;
   if (ran && record.attempt >= limits_.max_attempts) {
@@ -314,6 +333,7 @@ void JobManager::TakeUp(const JobRecord& record) {
 }
 
 void JobManager::ForgetOld() {
+  parts_.jobs->Flush();
   Prune();
   Executor::Timer next =
       parts_.timers->PostAfter(kRetentionInterval, [this] { ForgetOld(); });

@@ -130,18 +130,23 @@ class JobManager {
       const Caller& caller, const std::string& request_id,
       const std::string& request_sha256) const;
 
-  /// Whether there is a place for one more job of the caller, or its request_id
-  /// has made one before: UNAVAILABLE (DRAINING), RESOURCE_EXHAUSTED
-  /// (QUEUE_FULL, TENANT_QUOTA). Quick: spares the work of reading the request.
-  absl::Status CheckPlace(const Caller& caller,
-                          const std::string& request_id) const;
+  /// A place for one more job, given back when it goes.
+  using Place = std::shared_ptr<JobManager>;
+
+  /// Takes a place for a job of the caller: UNAVAILABLE (DRAINING),
+  /// RESOURCE_EXHAUSTED (QUEUE_FULL, TENANT_QUOTA). Quick: spares the work of
+  /// reading a request that has none. Null when there is none, but the
+  /// request_id has made a job before.
+  absl::StatusOr<Place> TakePlace(const Caller& caller,
+                                  const std::string& request_id);
 
   /// Accepts a job, or only checks it; it is in the stores when this returns.
   /// The same request_id and request again return the first job. Errors as
-  /// CheckPlace; FAILED_PRECONDITION (JOB_NEEDS_MORE_MEMORY_THAN_BUDGET,
-  /// MESH_MISSING), ALREADY_EXISTS (REQUEST_ID_REUSED), UNAVAILABLE or
-  /// RESOURCE_EXHAUSTED (STORAGE_FAILED).
-  absl::StatusOr<JobSnapshot> Create(const Caller& caller, JobSpec spec);
+  /// TakePlace, if `place` is null; FAILED_PRECONDITION
+  /// (JOB_NEEDS_MORE_MEMORY_THAN_BUDGET, MESH_MISSING), ALREADY_EXISTS
+  /// (REQUEST_ID_REUSED), UNAVAILABLE or RESOURCE_EXHAUSTED (STORAGE_FAILED).
+  absl::StatusOr<JobSnapshot> Create(const Caller& caller, JobSpec spec,
+                                     Place place = nullptr);
 
   absl::StatusOr<JobSnapshot> Get(const Caller& caller,
                                   const std::string& id) const;
@@ -181,6 +186,7 @@ class JobManager {
   // A job's way in.
   absl::Status CheckPlaceLocked(const std::string& tenant) const
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void GivePlaceBack();
   JobRecord NewRecord(const Caller& caller, const JobSpec& spec) const;
   absl::StatusOr<JobSnapshot> Accept(const Caller& caller, JobRecord record,
                                      std::vector<JobInput> inputs);
@@ -191,6 +197,7 @@ class JobManager {
   void Enqueue(const JobRecord& record);
 
   // One that was there before.
+  void PinBlobs(const JobRecord& record);
   void TakeUp(const JobRecord& record);
   void ForgetOld();
 
@@ -215,6 +222,7 @@ class JobManager {
   void FailIfStill(JobState state, const std::string& id,
                    const absl::Status& error);
   void StopRunning(const std::string& id);
+  std::shared_ptr<LiveJob> Unqueue(const std::string& id);
   bool WaitUntilIdle(absl::Duration timeout);
   std::vector<std::string> LiveIds() const;
 
@@ -250,13 +258,15 @@ class JobManager {
   mutable Mutex mutex_;
   CondVar idle_;
   JobQueue queue_ ABSL_GUARDED_BY(mutex_);
-  /// Jobs between CheckPlaceLocked and Enqueue.
+  /// Places that are taken.
   int arriving_ ABSL_GUARDED_BY(mutex_) = 0;
   /// Those that are queued or have a worker.
   std::unordered_map<std::string, std::shared_ptr<LiveJob>> live_
       ABSL_GUARDED_BY(mutex_);
   int running_ ABSL_GUARDED_BY(mutex_) = 0;
   bool draining_ ABSL_GUARDED_BY(mutex_) = false;
+  /// Until all jobs of an earlier process are queued, so that the order holds.
+  bool is_beginning_ ABSL_GUARDED_BY(mutex_) = false;
   /// Of the next ForgetOld.
   Executor::Timer retention_timer_ ABSL_GUARDED_BY(mutex_);
   std::atomic<bool> stopped_ = false;

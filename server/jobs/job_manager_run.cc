@@ -12,6 +12,8 @@
 namespace isomatch {
 namespace {
 
+constexpr absl::Duration kStopAgain = absl::Milliseconds(20);
+
 absl::Status NoEdit(JobRecord&) { return absl::OkStatus(); }
 
 JobError ErrorOf(const absl::Status& status) {
@@ -32,7 +34,8 @@ void JobManager::Dispatch() {
 
 std::shared_ptr<LiveJob> JobManager::TakeNext() {
   MutexLock lock(mutex_);
-  if (running_ >= limits_.workers) return nullptr;
+  const bool may_start = !draining_ && !is_beginning_;
+  if (!may_start || running_ >= limits_.workers) return nullptr;
   std::shared_ptr<LiveJob> live = queue_.PopFitting(*parts_.budget);
   if (live != nullptr) ++running_;
   return live;
@@ -169,21 +172,27 @@ absl::Status JobManager::Stop(const std::string& id, JobState to,
                               const Edit& edit) {
   ISOMATCH_RETURN_IF_ERROR(Move(id, to, edit));
   std::shared_ptr<LiveJob> live;
-  std::shared_ptr<LiveJob> queued;
   {
     MutexLock lock(mutex_);
     const auto found = live_.find(id);
     if (found == live_.end()) return absl::OkStatus();
     live = found->second;
-    queued = queue_.Remove(id);
-    if (queued != nullptr) live_.erase(found);
   }
   live->stop.request_stop();
-  if (queued != nullptr) {
-    queued->Release();
-    Dispatch();  // it may have stood in the way of others
-  }
+  if (Unqueue(id)) Dispatch();  // it may have stood in the way of others
   return absl::OkStatus();
+}
+
+std::shared_ptr<LiveJob> JobManager::Unqueue(const std::string& id) {
+  std::shared_ptr<LiveJob> queued;
+  {
+    MutexLock lock(mutex_);
+    queued = queue_.Remove(id);
+    if (queued == nullptr) return nullptr;
+    live_.erase(id);
+  }
+  queued->Release();
+  return queued;
 }
 
 void JobManager::FailIfStill(JobState state, const std::string& id,
@@ -228,11 +237,14 @@ void JobManager::BeginDrain() {
 
 void JobManager::Shutdown(absl::Duration drain) {
   BeginDrain();
-  if (!WaitUntilIdle(drain)) {
+  // Again and again: one that has its worker but does not run yet cannot be
+  // stopped.
+  while (!WaitUntilIdle(drain)) {
     for (const std::string& id : LiveIds()) StopRunning(id);
-    WaitUntilIdle(absl::InfiniteDuration());
+    drain = kStopAgain;
   }
   guard_.ReleaseAll();
+  parts_.jobs->Flush();
   stopped_ = true;
   watchers_.NotifyAll();
 }

@@ -149,8 +149,12 @@ MeshSize SizeOf(const TriangleMesh& mesh) {
 }  // namespace
 
 std::int64_t JobRunner::EstimateBytes(const JobSpec& spec) const {
-  return MeshBytes(spec) +
-         engine_.estimate(SizeOf(spec.mesh_x), SizeOf(spec.mesh_y),
+  const MeshSize x = SizeOf(spec.mesh_x);
+  const MeshSize y = SizeOf(spec.mesh_y);
+  const std::int64_t extra =
+      uses_cache() ? engine_.estimate_prepared_extra(x, y, spec.options) : 0;
+  return MeshBytes(spec) + extra +
+         engine_.estimate(x, y,
                           static_cast<std::int64_t>(spec.landmarks.size()),
                           spec.options);
 }
@@ -171,10 +175,9 @@ absl::StatusOr<RunOutcome> JobRunner::Run(const LoadSpec& load,
     };
     ISOMATCH_ASSIGN_OR_RETURN(
         Correspondence found,
-        cache_ != nullptr && engine_.match_prepared
-            ? MatchWithCache(engine_, spec, *cache_, report, stop)
-            : engine_.match(spec.mesh_x, spec.mesh_y, spec.landmarks,
-                            spec.options, report, stop));
+        uses_cache() ? MatchWithCache(engine_, spec, *cache_, report, stop)
+                     : engine_.match(spec.mesh_x, spec.mesh_y, spec.landmarks,
+                                     spec.options, report, stop));
     RunOutcome outcome;
     outcome.parts = EncodeParts(found);
     outcome.result = Summarize(spec, std::move(found));

@@ -52,6 +52,10 @@ class JobRunner {
                                  const std::stop_token& stop) const;
 
  private:
+  bool uses_cache() const {
+    return cache_ != nullptr && engine_.match_prepared != nullptr;
+  }
+
   const MatchEngine engine_;
   const Clock now_;
   PreparedCache* const cache_;

@@ -3,12 +3,13 @@
 namespace isomatch {
 
 MatchEngine CoreMatchEngine() {
-  return {Match,
-          Prepare,
-          PrepareBoth,
-          MatchPrepared,
-          EstimateMemoryBytes,
-          ValidateLandmarks};
+  return {.match = Match,
+          .prepare = Prepare,
+          .prepare_both = PrepareBoth,
+          .match_prepared = MatchPrepared,
+          .estimate_prepared_extra = EstimatePreparedExtraBytes,
+          .estimate = EstimateMemoryBytes,
+          .validate_landmarks = ValidateLandmarks};
 }
 
 }  // namespace isomatch

@@ -34,6 +34,10 @@ struct MatchEngine {
       absl::Span<const Landmark> landmarks, const MatchOptions& options,
       const ProgressCallback& progress, std::stop_token stop)>
       match_prepared;
+  /// As EstimatePreparedExtraBytes.
+  std::function<std::int64_t(MeshSize x, MeshSize y,
+                             const MatchOptions& options)>
+      estimate_prepared_extra;
   /// As EstimateMemoryBytes.
   std::function<std::int64_t(MeshSize x, MeshSize y, std::int64_t num_landmarks,
                              const MatchOptions& options)>

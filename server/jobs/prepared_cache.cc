@@ -10,7 +10,8 @@ std::optional<PreparedShape> PreparedCache::Find(const BlobKey& key,
   bool write = false;
   std::optional<PreparedShape> shape = FindInMemory(key, write);
   if (!shape) return FindOnDisk(key, stop);
-  if (write) {  // a cache: when the disk refuses, it does without
+  if (write && !stop.stop_requested()) {  // a cache: when the disk refuses, it
+                                          // does without
     (void)disk_->Put(key, SerializePreparedShape(*shape), Keep::kWhileRoom);
   }
   return shape;
@@ -39,6 +40,8 @@ std::optional<PreparedShape> PreparedCache::FindOnDisk(
       ++counts_.on_disk;
       return *std::move(parsed);
     }
+    // Damaged, or of another version.
+    if (!absl::IsCancelled(parsed.status())) disk_->Remove(key);
   }
   MutexLock lock(mutex_);
   ++counts_.missing;

@@ -20,7 +20,8 @@ namespace {
 
 absl::StatusOr<JobSnapshot> Create(const ServiceContext& context,
                                    const Caller& caller,
-                                   const v1::CreateJobRequest& request) {
+                                   const v1::CreateJobRequest& request,
+                                   JobManager::Place place) {
   const std::string sha256 =
       request.request_id().empty() ? "" : RequestSha256(request);
   ISOMATCH_ASSIGN_OR_RETURN(
@@ -31,14 +32,14 @@ absl::StatusOr<JobSnapshot> Create(const ServiceContext& context,
       JobSpec spec, ParseCreateJob(request, context.parse, caller.tenant));
   spec.request_sha256 = sha256;
   if (!spec.validate_only) spec.inputs = MakeJobInputs(request);
-  return context.manager->Create(caller, std::move(spec));
+  return context.manager->Create(caller, std::move(spec), std::move(place));
 }
 
 absl::StatusOr<JobSnapshot> CreateWithinMemory(
     const ServiceContext& context, const Caller& caller,
-    const v1::CreateJobRequest& request) {
+    const v1::CreateJobRequest& request, JobManager::Place place) {
   try {
-    return Create(context, caller, request);
+    return Create(context, caller, request, std::move(place));
   } catch (const std::bad_alloc&) {  // a mesh that does not fit now
     return OutOfMemory();
   }
@@ -52,13 +53,14 @@ grpc::ServerUnaryReactor* StartCreateJob(const ServiceContext& context,
                                          const v1::CreateJobRequest* request,
                                          v1::CreateJobResponse* response) {
   grpc::ServerUnaryReactor* reactor = call->DefaultReactor();
+  JobManager::Place place;
   if (!request->validate_only()) {
-    const absl::Status place =
-        context.manager->CheckPlace(caller, request->request_id());
-    if (!place.ok()) {
-      reactor->Finish(ToGrpc(place));
+    auto taken = context.manager->TakePlace(caller, request->request_id());
+    if (!taken.ok()) {
+      reactor->Finish(ToGrpc(taken.status()));
       return reactor;
     }
+    place = *std::move(taken);
   }
   const auto bytes = static_cast<std::int64_t>(request->ByteSizeLong());
   auto reserved = context.partial_uploads->Reserve(bytes);
@@ -68,8 +70,10 @@ grpc::ServerUnaryReactor* StartCreateJob(const ServiceContext& context,
   }
   const auto held =
       std::make_shared<MemoryBudget::Reservation>(*std::move(reserved));
-  context.intake->Post([&context, caller, reactor, request, response, held] {
-    const auto snapshot = CreateWithinMemory(context, caller, *request);
+  context.intake->Post([&context, caller, reactor, request, response, held,
+                        place = std::move(place)]() mutable {
+    const auto snapshot =
+        CreateWithinMemory(context, caller, *request, std::move(place));
     if (snapshot.ok()) *response->mutable_job() = ToProto(*snapshot);
     reactor->Finish(ToGrpc(snapshot.status()));
   });

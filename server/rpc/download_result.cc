@@ -1,6 +1,7 @@
 #include "server/rpc/download_result.h"
 
 #include <cstdint>
+#include <new>
 #include <string>
 #include <utility>
 
@@ -15,6 +16,17 @@ namespace {
 
 constexpr size_t kChunkBytes = size_t{256} << 10;
 
+absl::StatusOr<JobPart> GetWithinMemory(const ServiceContext& context,
+                                        const Caller& caller,
+                                        const std::string& id,
+                                        ResultPart part) {
+  try {
+    return context.manager->GetPart(caller, id, part);
+  } catch (const std::bad_alloc&) {  // a part that does not fit now
+    return OutOfMemory();
+  }
+}
+
 absl::StatusOr<JobPart> FindRequested(
     const ServiceContext& context, const Caller& caller,
     const v1::DownloadResultRequest& request) {
@@ -22,7 +34,7 @@ absl::StatusOr<JobPart> FindRequested(
   ISOMATCH_ASSIGN_OR_RETURN(const ResultPart wanted,
                             ParseResultPart(request.part(), "part"));
   ISOMATCH_ASSIGN_OR_RETURN(JobPart found,
-                            context.manager->GetPart(caller, id, wanted));
+                            GetWithinMemory(context, caller, id, wanted));
   if (request.offset() > found.bytes->size()) {
     return OffsetOutOfRange(request.offset(), found.part.bytes);
   }

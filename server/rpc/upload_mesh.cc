@@ -3,6 +3,7 @@
 #include <atomic>
 #include <cstdint>
 #include <memory>
+#include <new>
 #include <string>
 #include <utility>
 
@@ -50,7 +51,7 @@ class UploadMeshReactor final
     if (!ok) return OnEndOfStream();
     context_.metrics->Uploaded(
         static_cast<std::int64_t>(request_.chunk().size()));
-    const absl::Status taken = upload_.Take(request_);
+    const absl::Status taken = TakeWithinMemory();
     if (!taken.ok()) return FinishOnce(ToGrpc(taken));
     if (upload_.known()) return FinishWithAnswer();
     StartRead(&request_);
@@ -65,6 +66,14 @@ class UploadMeshReactor final
   }
 
  private:
+  absl::Status TakeWithinMemory() {
+    try {
+      return upload_.Take(request_);
+    } catch (const std::bad_alloc&) {
+      return OutOfMemory();
+    }
+  }
+
   /// The client is done, or the call has ended already.
   void OnEndOfStream() {
     {

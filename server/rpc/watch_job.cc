@@ -126,7 +126,11 @@ class WatchJobReactor final
   void FinishOnce(const grpc::Status& status) {
     {
       MutexLock lock(mutex_);
-      if (finished_ || writing_) return;
+      if (finished_) return;
+      if (writing_) {  // OnWriteDone looks again
+        news_waits_ = true;
+        return;
+      }
       finished_ = true;
     }
     Finish(status);
@@ -158,9 +162,10 @@ grpc::ServerWriteReactor<v1::WatchJobResponse>* StartWatchJob(
     const ServiceContext& context, const Caller& caller,
     const v1::WatchJobRequest& request) {
   const auto id = ParseJobName(request.name());
-  if (!id.ok()) {
-    return new Refused<grpc::ServerWriteReactor<v1::WatchJobResponse>>(
-        id.status());
+  const absl::Status known =
+      id.ok() ? context.manager->Get(caller, *id).status() : id.status();
+  if (!known.ok()) {
+    return new Refused<grpc::ServerWriteReactor<v1::WatchJobResponse>>(known);
   }
   // Not make_shared: the weak references of an alarm would keep its memory.
   const std::shared_ptr<WatchJobReactor> reactor(

@@ -22,6 +22,8 @@ class BlobIndex {
     BlobKey key;
     std::int64_t bytes = 0;
     int pins = 0;
+    /// The bytes are lost until somebody puts them again.
+    bool is_damaged = false;
     /// The bytes as long as somebody has them.
     std::weak_ptr<const std::string> held = {};
     /// The bytes, in a store that has them nowhere else.

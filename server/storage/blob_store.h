@@ -52,6 +52,9 @@ class BlobStore {
   /// Returns the bytes, or null. Counts as a use.
   virtual Blob Get(const BlobKey& key) = 0;
 
+  /// Removes what is not pinned; nothing when it is not there.
+  virtual void Remove(const BlobKey& key) = 0;
+
   /// Whether Get would find it. Counts as a use.
   virtual bool Has(const BlobKey& key) = 0;
 

@@ -95,13 +95,15 @@ std::string DirectoryBlobStore::PathOf(const BlobKey& key) const {
 absl::Status DirectoryBlobStore::Put(const BlobKey& key, std::string bytes,
                                      Keep keep) {
   const int pins = keep == Keep::kPinned ? 1 : 0;
-  const auto size = static_cast<std::int64_t>(bytes.size());
+  auto size = static_cast<std::int64_t>(bytes.size());
   {
     MutexLock lock(mutex_);
-    if (BlobIndex::Entry* entry = index_.Touch(key)) {
+    BlobIndex::Entry* entry = index_.Touch(key);
+    if (entry != nullptr && !entry->is_damaged) {
       entry->pins += pins;
       return absl::OkStatus();
     }
+    if (entry != nullptr) size = 0;  // it has its room
   }
   ISOMATCH_RETURN_IF_ERROR(TakeRoom(size));
   const absl::Status written = Write(key, bytes);
@@ -109,7 +111,11 @@ absl::Status DirectoryBlobStore::Put(const BlobKey& key, std::string bytes,
   arriving_bytes_ -= size;
   ISOMATCH_RETURN_IF_ERROR(written);
   BlobIndex::Entry* entry = index_.Touch(key);  // somebody else may have put it
-  if (entry == nullptr) entry = &index_.Add({.key = key, .bytes = size});
+  if (entry == nullptr) {
+    entry = &index_.Add(
+        {.key = key, .bytes = static_cast<std::int64_t>(bytes.size())});
+  }
+  entry->is_damaged = false;
   entry->pins += pins;
   return absl::OkStatus();
 }
@@ -163,8 +169,8 @@ BlobStore::Blob DirectoryBlobStore::Get(const BlobKey& key) {
   MutexLock lock(mutex_);
   BlobIndex::Entry* entry = index_.Touch(key);
   if (!intact) {
-    // Damaged, if it was not just evicted: as good as not there.
-    if (entry != nullptr && entry->pins == 0) index_.Remove(key);
+    // If it was not just evicted: as good as not there until it is put again.
+    if (entry != nullptr) entry->is_damaged = true;
     return nullptr;
   }
   const Blob blob = std::make_shared<const std::string>(*std::move(bytes));
@@ -172,9 +178,18 @@ BlobStore::Blob DirectoryBlobStore::Get(const BlobKey& key) {
   return blob;
 }
 
+void DirectoryBlobStore::Remove(const BlobKey& key) {
+  MutexLock lock(mutex_);
+  const BlobIndex::Entry* entry = index_.Touch(key);
+  if (entry == nullptr || entry->pins > 0) return;
+  index_.Remove(key);
+  unlink(PathOf(key).c_str());  // under the lock, as in TakeRoom
+}
+
 bool DirectoryBlobStore::Has(const BlobKey& key) {
   MutexLock lock(mutex_);
-  return index_.Touch(key) != nullptr;
+  const BlobIndex::Entry* entry = index_.Touch(key);
+  return entry != nullptr && !entry->is_damaged;
 }
 
 std::int64_t DirectoryBlobStore::size_bytes() const {

@@ -43,6 +43,7 @@ class DirectoryBlobStore : public BlobStore {
   bool Pin(const BlobKey& key) override;
   void Unpin(const BlobKey& key) override;
   Blob Get(const BlobKey& key) override;
+  void Remove(const BlobKey& key) override;
   bool Has(const BlobKey& key) override;
   std::int64_t size_bytes() const override;
 

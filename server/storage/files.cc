@@ -86,9 +86,7 @@ absl::Status WriteFileDurably(const std::string& path,
     unlink(temporary.c_str());
     return status;
   }
-  status = SyncFolder(std::filesystem::path(path).parent_path());
-  if (!status.ok()) unlink(path.c_str());
-  return status;
+  return SyncFolder(std::filesystem::path(path).parent_path());
 }
 
 absl::StatusOr<std::string> ReadWholeFile(const std::string& path,

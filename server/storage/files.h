@@ -12,7 +12,8 @@ namespace isomatch {
 /// Writes a file whole or not at all, also when the machine loses power: into
 /// `temporary` (same file system), synchronised, renamed to `path`, the folder
 /// synchronised. Readable by its owner only. RESOURCE_EXHAUSTED: the disk is
-/// full; UNAVAILABLE: it refuses for another reason. Nothing is left then.
+/// full; UNAVAILABLE: it refuses for another reason. Nothing is left then,
+/// unless only the last step failed.
 absl::Status WriteFileDurably(const std::string& path,
                               const std::string& temporary,
                               absl::string_view bytes);

@@ -167,6 +167,8 @@ struct JobRecord {
   std::string request_sha256;
   /// Jobs of a higher one start first.
   std::int32_t priority = 0;
+  /// Threads that memory_estimate_bytes counts with; 0 as of a run.
+  std::int32_t threads = 0;
   /// How often it was started.
   std::int32_t attempt = 0;
   /// Not set means no limit. The first counts from create_time.

@@ -61,6 +61,9 @@ class JobStore {
   /// FAILED_PRECONDITION when it is not terminal.
   virtual absl::StatusOr<JobRecord> Delete(const std::string& id) = 0;
 
+  /// Tries again to keep what could not be kept before.
+  virtual void Flush() = 0;
+
   /// Removes terminal jobs, the first that became so first: all that ended
   /// before `limits.ended_before`, then until those that are left keep the
   /// other limits; these never remove the last, however large its result.

@@ -39,6 +39,12 @@ BlobStore::Blob MemoryBlobStore::Get(const BlobKey& key) {
   return entry == nullptr ? nullptr : entry->blob;
 }
 
+void MemoryBlobStore::Remove(const BlobKey& key) {
+  MutexLock lock(mutex_);
+  const BlobIndex::Entry* entry = index_.Touch(key);
+  if (entry != nullptr && entry->pins == 0) index_.Remove(key);
+}
+
 bool MemoryBlobStore::Has(const BlobKey& key) {
   MutexLock lock(mutex_);
   return index_.Touch(key) != nullptr;

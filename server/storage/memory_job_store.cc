@@ -63,7 +63,7 @@ absl::StatusOr<JobRecord> MemoryJobStore::Insert(JobRecord record) {
     record.sequence = ++last_sequence_;
     record.number = ++last_number_;
   }
-  ISOMATCH_RETURN_IF_ERROR(WriteJournal(record));
+  ISOMATCH_RETURN_IF_ERROR(WriteJournal({record}));
   MutexLock lock(mutex_);
   Add(record);
   return record;
@@ -86,7 +86,7 @@ absl::StatusOr<JobRecord> MemoryJobStore::Update(JobRecord record) {
     record.sequence = ++last_sequence_;
   }
   if (is_kept) {
-    const absl::Status written = WriteJournal(record);
+    const absl::Status written = WriteJournal({record});
     if (!written.ok()) {
       unwritten_.insert(record.id);
       on_error_(written);
@@ -212,12 +212,19 @@ void MemoryJobStore::Remove(const std::string& id) {
   records_.erase(position);
 }
 
-absl::Status MemoryJobStore::WriteJournal(const JobRecord& record) {
+void MemoryJobStore::Flush() {
+  MutexLock writing(writer_mutex_);
+  if (unwritten_.empty()) return;
+  const absl::Status written = WriteJournal({});
+  if (!written.ok()) on_error_(written);
+}
+
+absl::Status MemoryJobStore::WriteJournal(std::vector<JobRecord> records) {
   if (journal_ == nullptr) return absl::OkStatus();
-  std::vector<JobRecord> records = {record};
+  const std::string now = records.empty() ? "" : records.front().id;
   for (const std::string& id : unwritten_) {
     const auto other = Get(id);
-    if (other && id != record.id) records.push_back(*other);
+    if (other && id != now) records.push_back(*other);
   }
   ISOMATCH_RETURN_IF_ERROR(journal_->Write(records));
   unwritten_.clear();

@@ -39,6 +39,7 @@ class MemoryJobStore : public JobStore {
       const std::string& tenant, const std::string& request_id) const override;
   std::vector<JobRecord> List(const JobFilter& filter) const override;
   absl::StatusOr<JobRecord> Delete(const std::string& id) override;
+  void Flush() override;
   std::vector<JobRecord> Prune(const KeepLimits& limits) override;
 
  private:
@@ -56,8 +57,8 @@ class MemoryJobStore : public JobStore {
   std::vector<JobRecord> Excess(const KeepLimits& limits) const
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
-  /// Writes the record, and those that could not be written before.
-  absl::Status WriteJournal(const JobRecord& record)
+  /// Writes the records, and those that could not be written before.
+  absl::Status WriteJournal(std::vector<JobRecord> records)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(writer_mutex_);
 
   JobJournal* const journal_ = nullptr;

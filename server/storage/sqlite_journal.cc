@@ -151,7 +151,7 @@ absl::Status SqliteJournal::Write(const std::vector<JobRecord>& records) {
   return Guarded(impl_->path, [&] {
     SQLite::Transaction transaction(impl_->database);
     for (const JobRecord& record : records) {
-      impl_->write->reset();
+      impl_->write->tryReset();
       BindRecord(record, *impl_->write);
       impl_->write->exec();
     }
@@ -164,7 +164,7 @@ absl::Status SqliteJournal::Remove(const std::vector<std::string>& ids) {
   return Guarded(impl_->path, [&] {
     SQLite::Transaction transaction(impl_->database);
     for (const std::string& id : ids) {
-      impl_->remove->reset();
+      impl_->remove->tryReset();
       impl_->remove->bind(1, id);
       impl_->remove->exec();
     }

@@ -88,6 +88,16 @@ TEST_P(PreparedShapeTest, ItsSizeIsAnUpperBoundAndNotAWildOne) {
   EXPECT_LE(PreparedShapeBytes(shape), 2 * measured);
 }
 
+TEST_P(PreparedShapeTest, FacesThatCleaningRemovesCountToo) {
+  TriangleMesh repeated = UnitSphere(1);
+  const Faces once = repeated.faces;
+  constexpr int kTimes = 1000;
+  repeated.faces = once.replicate(kTimes, 1);
+  EXPECT_GE(
+      PreparedShapeBytes(Prepared(repeated)),
+      kTimes * once.size() * static_cast<std::int64_t>(sizeof(VertexIndex)));
+}
+
 TEST_P(PreparedShapeTest, OptionsThatPrepareAlikeHaveTheSameText) {
   MatchOptions other = options_;
   other.random_seed += 1;

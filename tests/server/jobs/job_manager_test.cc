@@ -77,16 +77,32 @@ TEST_F(JobManagerTest, OneTenantCannotFillTheQueue) {
   EXPECT_THAT(manager_->Create({.tenant = "other"}, Needing(1)), IsOk());
 }
 
-TEST_F(JobManagerTest, APlaceIsThereForARequestThatMadeAJobBefore) {
+TEST_F(JobManagerTest, APlaceIsTakenUntilItGoes) {
+  Restart({.max_queued_jobs = 1});
+  JobSpec spec = Needing(1);
+  spec.request_id = "r";
+  Create(spec);  // runs
+  auto place = manager_->TakePlace(caller_, "");
+  ASSERT_THAT(place, IsOk());
+  EXPECT_EQ(ReasonOf(manager_->TakePlace(caller_, "").status()), "QUEUE_FULL");
+  EXPECT_THAT(manager_->Create(caller_, Needing(1), *place), IsOk());
+  place->reset();
+  EXPECT_EQ(ReasonOf(manager_->TakePlace(caller_, "").status()), "QUEUE_FULL");
+  EXPECT_TRUE(workers_.RunNext());  // and the other runs
+  EXPECT_THAT(manager_->TakePlace(caller_, ""), IsOk());
+}
+
+TEST_F(JobManagerTest, ARequestThatMadeAJobBeforeNeedsNoPlace) {
   Restart({.max_queued_jobs = 1});
   JobSpec spec = Needing(1);
   spec.request_id = "r";
   Create(spec);
   Create();
-  EXPECT_EQ(ReasonOf(manager_->CheckPlace(caller_, "")), "QUEUE_FULL");
-  EXPECT_EQ(ReasonOf(manager_->CheckPlace(caller_, "s")), "QUEUE_FULL");
-  EXPECT_THAT(manager_->CheckPlace(caller_, "r"), IsOk());
-  EXPECT_EQ(ReasonOf(manager_->CheckPlace({.tenant = "other"}, "r")),
+  EXPECT_EQ(ReasonOf(manager_->TakePlace(caller_, "s").status()), "QUEUE_FULL");
+  const auto place = manager_->TakePlace(caller_, "r");
+  ASSERT_THAT(place, IsOk());
+  EXPECT_EQ(*place, nullptr);
+  EXPECT_EQ(ReasonOf(manager_->TakePlace({.tenant = "other"}, "r").status()),
             "QUEUE_FULL");
 }
 

@@ -1,5 +1,6 @@
 #include <thread>
 
+#include "absl/time/clock.h"
 #include "server/storage/sha256.h"
 #include "tests/server/jobs/job_manager_fixture.h"
 #include "tests/server/storage/fake_journal.h"
@@ -258,6 +259,69 @@ TEST_F(JobRecoveryTest, OldJobsAreForgottenByThemselves) {
   now_ += absl::Hours(1);
   timers_.Advance(absl::Minutes(1));
   EXPECT_EQ(StateOf(newer), "GONE");
+}
+
+TEST_F(JobRecoveryTest, WhatCouldNotBeSavedIsSavedAtTheLatestWhenItStops) {
+  const std::string id = CreateWithInput();
+  journal_.failure = absl::UnavailableError("no disk");
+  EXPECT_TRUE(workers_.RunNext());
+  journal_.failure = absl::OkStatus();
+  manager_->Shutdown(absl::ZeroDuration());
+  EXPECT_EQ(journal_.kept.at(id).state, JobState::kSucceeded);
+}
+
+TEST_F(JobRecoveryTest, NothingStartsOnceItStops) {
+  CreateWithInput();
+  const std::string second = CreateWithInput();
+  manager_->BeginDrain();
+  EXPECT_TRUE(workers_.RunNext());
+  EXPECT_FALSE(workers_.RunNext());
+  EXPECT_EQ(StateOf(second), "QUEUED");
+}
+
+TEST_F(JobRecoveryTest, AJobThatHasItsWorkerButDoesNotRunYetIsStoppedToo) {
+  const std::string id = CreateWithInput();  // its task waits in workers_
+  std::thread stopping([&] { manager_->Shutdown(absl::ZeroDuration()); });
+  absl::SleepFor(absl::Milliseconds(50));  // it has tried to stop the job
+  during_match_ = [](const std::stop_token& stop) -> absl::Status {
+    while (!stop.stop_requested()) std::this_thread::yield();
+    return absl::CancelledError("cancelled");
+  };
+  EXPECT_TRUE(workers_.RunNext());
+  stopping.join();
+  EXPECT_EQ(StateOf(id), "QUEUED");
+}
+
+TEST_F(JobRecoveryTest, AllBlobsArePinnedBeforeJobsAreForgotten) {
+  // The result of the first is the only job kept; its content is the second's
+  // input as well.
+  const std::string first = CreateWithInput();
+  EXPECT_TRUE(workers_.RunNext());
+  const auto part = manager_->GetPart(caller_, first, ResultPart::kMap);
+  ASSERT_THAT(part, IsOk());
+  all_blobs_[part->part.sha256] = *part->bytes;
+  JobSpec spec = Needing(1);
+  spec.inputs = {{part->part.sha256, *part->bytes}};
+  Create(spec);
+  limits_.job_retention = absl::ZeroDuration();
+  now_ += absl::Hours(1);
+  Crash();
+  EXPECT_EQ(StateOf(first), "GONE");
+  EXPECT_FALSE(parts_.blobs
+                   ->Put({"", "x"}, std::string(kBlobBytes, 'x'),
+                         Keep::kWhileRoom)
+                   .ok());  // the second's input stays
+}
+
+TEST_F(JobRecoveryTest, TheMostUrgentStartsFirstAfterACrashToo) {
+  Create();
+  Create();
+  JobSpec urgent = Needing(1);
+  urgent.priority = 5;
+  const std::string id = Create(urgent);
+  Crash();
+  EXPECT_TRUE(workers_.RunNext());
+  EXPECT_EQ(StateOf(id), "SUCCEEDED");
 }
 
 }  // namespace

@@ -86,6 +86,7 @@ TEST_F(PreparedCacheTest, DamagedBytesAreAsGoodAsNone) {
   PreparedCache cache(8 * kMiB, &disk_);
   EXPECT_FALSE(cache.Find(Key("a"), {}));
   EXPECT_EQ(cache.counts().missing, 1);
+  EXPECT_FALSE(disk_.Has(Key("a")));  // and make room for good ones
 }
 
 /// Matches through a cache and counts what is prepared.

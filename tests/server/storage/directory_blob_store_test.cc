@@ -69,9 +69,24 @@ TEST_F(DirectoryBlobStoreTest, ADamagedFileIsAsGoodAsMissing) {
   std::ofstream(FilesBelow(root_).front()) << "whale";
   EXPECT_EQ(store_->Get(KeyOf("whole")), nullptr);
   EXPECT_FALSE(store_->Has(KeyOf("whole")));
-  EXPECT_EQ(store_->size_bytes(), 0);
   ASSERT_THAT(store_->Put(KeyOf("whole"), "whole", Keep::kWhileRoom), IsOk());
   EXPECT_EQ(*store_->Get(KeyOf("whole")), "whole");
+  EXPECT_EQ(store_->size_bytes(), 5);
+}
+
+TEST_F(DirectoryBlobStoreTest, APinnedFileThatWasDamagedCanBePutAgain) {
+  Open();
+  ASSERT_THAT(store_->Put(KeyOf("whole"), "whole", Keep::kPinned), IsOk());
+  std::filesystem::remove(FilesBelow(root_).front());
+  EXPECT_EQ(store_->Get(KeyOf("whole")), nullptr);
+  ASSERT_THAT(store_->Put(KeyOf("whole"), "whole", Keep::kPinned), IsOk());
+  EXPECT_EQ(*store_->Get(KeyOf("whole")), "whole");
+  store_->Remove(KeyOf("whole"));  // pinned
+  EXPECT_TRUE(store_->Has(KeyOf("whole")));
+  for (int i = 0; i < 2; ++i) store_->Unpin(KeyOf("whole"));
+  store_->Remove(KeyOf("whole"));
+  EXPECT_FALSE(store_->Has(KeyOf("whole")));
+  EXPECT_THAT(FilesBelow(root_), IsEmpty());
 }
 
 TEST_F(DirectoryBlobStoreTest, HalfWrittenFilesAreRemovedAndOthersLeftAlone) {

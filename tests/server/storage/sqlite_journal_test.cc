@@ -1,5 +1,8 @@
 #include "server/storage/sqlite_journal.h"
 
+#include <sys/resource.h>
+
+#include <csignal>
 #include <fstream>
 #include <limits>
 #include <string>
@@ -56,6 +59,7 @@ JobRecord FullRecord() {
   record.request_id = "request";
   record.request_sha256 = "bb";
   record.priority = -7;
+  record.threads = 3;
   record.attempt = 2;
   record.queue_timeout = absl::Milliseconds(1500);
   record.run_timeout = absl::Hours(3);
@@ -192,6 +196,23 @@ TEST_F(SqliteJournalTest, ErrorsOfTheDatabaseAreStatuses) {
   EXPECT_FALSE(journal->Write({Named("a", 1)}).ok());
   EXPECT_FALSE(journal->Remove({"a"}).ok());
   EXPECT_FALSE(journal->Load().ok());
+}
+
+TEST_F(SqliteJournalTest, AFullDiskPasses) {
+  const auto journal = Open();
+  JobRecord large = Named("large", 1);
+  large.labels["key"] = std::string(1 << 20, 'x');
+  rlimit before = {};
+  ASSERT_EQ(getrlimit(RLIMIT_FSIZE, &before), 0);
+  const auto handler = std::signal(SIGXFSZ, SIG_IGN);
+  const rlimit small = {1 << 17, before.rlim_max};
+  ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &small), 0);
+  EXPECT_FALSE(journal->Write({large}).ok());
+  setrlimit(RLIMIT_FSIZE, &before);
+  std::signal(SIGXFSZ, handler);
+  EXPECT_THAT(journal->Write({Named("a", 2)}), IsOk());
+  EXPECT_THAT(journal->Write({large}), IsOk());
+  EXPECT_THAT(journal->Load()->records, SizeIs(2));
 }
 
 }  // namespace
