@@ -28,7 +28,8 @@ namespace {
 ///      finishes with OK.
 ///   5. OnCancel: finishes with CANCELLED, after the write that is under way.
 ///   6. When the server stops and the job goes on after it starts again:
-///      finishes with UNAVAILABLE (DRAINING).
+///      finishes with UNAVAILABLE (DRAINING), after the write that is under
+///      way.
 ///   7. OnDone: unregisters and lets go of itself.
 ///
 /// It holds itself alive from 1 to 7; the manager and the alarm hold it weakly.
@@ -109,6 +110,7 @@ class WatchJobReactor final
     {
       MutexLock lock(mutex_);
       if (finished_ || cancelled_ || wrote_terminal_) return;
+      if (job.sequence() < written_sequence_) return;  // another was quicker
       if (writing_) {
         news_waits_ = true;
         return;
@@ -116,6 +118,7 @@ class WatchJobReactor final
       const bool news = job.sequence() > last_sequence_ || terminal;
       if (!news && !heartbeat) return;
       if (job.sequence() > last_sequence_) last_sequence_ = job.sequence();
+      written_sequence_ = job.sequence();
       writing_ = true;
       wrote_terminal_ = terminal;
       response_.mutable_job()->Swap(&job);
@@ -143,8 +146,10 @@ class WatchJobReactor final
   grpc::Alarm alarm_;
 
   Mutex mutex_;
-  /// Of the newest snapshot that was written.
+  /// Of the newest snapshot that the client has or will get.
   std::uint64_t last_sequence_ ABSL_GUARDED_BY(mutex_);
+  /// Of the snapshot that was written last.
+  std::uint64_t written_sequence_ ABSL_GUARDED_BY(mutex_) = 0;
   /// `response_` belongs to gRPC.
   bool writing_ ABSL_GUARDED_BY(mutex_) = false;
   /// The job changed while writing.

@@ -6,6 +6,7 @@
 
 #include "tests/bench/accuracy.h"
 #include "tests/bench/option_overrides.h"
+#include "tests/bench/service_bench.h"
 #include "tests/bench/speed.h"
 
 namespace isomatch::bench {
@@ -15,6 +16,7 @@ struct Arguments {
   PairSelection pairs;
   SpeedSelection speed = {
       {1000, 5000, 13000, 50000, 100000, 200000}, "", "", 3};
+  ServiceSelection service;
   int threads = 0;
   std::string profile = "default";
   std::string out;
@@ -70,7 +72,35 @@ CLI::App* AddSpeedCommand(CLI::App* app, Arguments* arguments) {
   return command;
 }
 
-enum class Command { kAccuracy, kAblation, kSpeed };
+CLI::App* AddServiceCommand(CLI::App* app, Arguments* arguments) {
+  CLI::App* command = app->add_subcommand(
+      "service", "What jobs cost through the service, and its cache saves");
+  ServiceSelection& service = arguments->service;
+  command
+      ->add_option("--sizes", service.sizes,
+                   "Vertices a side of the sample animal, separated by commas")
+      ->delimiter(',')
+      ->check(CLI::Range(100, 1'000'000))
+      ->capture_default_str();
+  const auto add_count = [&](const char* name, int& count, int least,
+                             const char* help) {
+    command->add_option(name, count, help)
+        ->check(CLI::Range(least, 1000))
+        ->capture_default_str();
+  };
+  add_count("--jobs", service.jobs, 1, "Pairs of runs; the median counts");
+  add_count("--workers", service.workers, 1, "Jobs at the same time");
+  add_count("--targets", service.targets, 0,
+            "Meshes that one template is matched with");
+  command
+      ->add_option("--threads", arguments->threads,
+                   "Of a job; 0: the cores are shared among the workers")
+      ->check(CLI::Range(0, 1024))
+      ->capture_default_str();
+  return command;
+}
+
+enum class Command { kAccuracy, kAblation, kSpeed, kService };
 
 absl::Status Run(const Arguments& arguments, Command command) {
   MatchOptions options = MatchOptions::ForProfile(
@@ -82,6 +112,9 @@ absl::Status Run(const Arguments& arguments, Command command) {
   options.threads = arguments.threads;
   if (command == Command::kAblation) {
     return RunAblation(arguments.pairs, options);
+  }
+  if (command == Command::kService) {
+    return RunService(arguments.service, options, arguments.out);
   }
   if (command == Command::kSpeed) {
     return RunSpeed(arguments.speed, options, arguments.out);
@@ -97,7 +130,8 @@ int Main(int argc, char** argv) {
       AddPairCommand(&app, "accuracy",
                      "Errors of every pair, by stage and in total", &arguments);
   CLI::App* const speed = AddSpeedCommand(&app, &arguments);
-  for (CLI::App* const command : {accuracy, speed}) {
+  CLI::App* const service = AddServiceCommand(&app, &arguments);
+  for (CLI::App* const command : {accuracy, speed, service}) {
     command->add_option("--out", arguments.out, "The figures as JSON");
   }
   const CLI::App* const ablation = AddPairCommand(
@@ -105,9 +139,10 @@ int Main(int argc, char** argv) {
       &arguments);
   CLI11_PARSE(app, argc, argv);
   const absl::Status status =
-      Run(arguments, ablation->parsed() ? Command::kAblation
-                     : speed->parsed()  ? Command::kSpeed
-                                        : Command::kAccuracy);
+      Run(arguments, ablation->parsed()  ? Command::kAblation
+                     : speed->parsed()   ? Command::kSpeed
+                     : service->parsed() ? Command::kService
+                                         : Command::kAccuracy);
   if (status.ok()) return 0;
   std::fprintf(stderr, "isomatch-bench: %s\n",
                std::string(status.message()).c_str());

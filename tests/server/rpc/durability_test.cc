@@ -96,6 +96,36 @@ TEST_F(DurabilityTest, AWatcherIsToldThatTheJobGoesOnLater) {
             v1::Job::STATE_SUCCEEDED);
 }
 
+TEST_F(DurabilityTest, AWatcherIsToldItThoughAMessageIsJustOnItsWay) {
+  MatchEngine engine = GatedEngine();
+  engine.match =
+      [&](auto&&, auto&&, auto&&, auto&&, auto&&,
+          const std::stop_token& stop) -> absl::StatusOr<Correspondence> {
+    ++matches_;
+    while (!stop.stop_requested()) {  // ends while QUEUED is being written
+    }
+    return absl::CancelledError("cancelled");
+  };
+  Restart(Durable(), engine);
+  const std::string name = CreateJob();
+  for (int round = 0; round < 20; ++round) {
+    if (round > 0) Restart(Durable(), engine);
+    WaitForMatches(round + 1);
+    grpc::ClientContext context;
+    v1::WatchJobRequest request;
+    request.set_name(name);
+    const auto reader = stub_->WatchJob(&context, request);
+    v1::WatchJobResponse response;
+    ASSERT_TRUE(reader->Read(&response));
+    std::thread stopping([&] { server_->Shutdown(absl::ZeroDuration()); });
+    while (reader->Read(&response)) {
+    }
+    const grpc::Status status = reader->Finish();
+    stopping.join();
+    ASSERT_EQ(ErrorOf(status).reason, "DRAINING") << "in round " << round;
+  }
+}
+
 TEST_F(DurabilityTest, UploadedMeshesNeedNotBeSentAgain) {
   v1::CreateJobRequest request = SphereJob();
   const std::string name = CreateJob(request);
