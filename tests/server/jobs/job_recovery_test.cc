@@ -20,6 +20,10 @@ class JobRecoveryTest : public JobManagerTest {
     Crash();
   }
 
+  ~JobRecoveryTest() override {
+    workers_.Clear();  // their jobs have reservations of our budgets
+  }
+
   /// The process ends without a word and starts again.
   void Crash() {
     workers_.Clear();  // tasks of the manager that is no more
