@@ -282,7 +282,9 @@ void Print(const Throughput& found, const ServiceSelection& selection) {
   for (const auto& [name, part] : kParts) {
     std::printf(" %s %.1f", name, kMilliseconds * (found.job.*part));
   }
-  std::printf("\n");
+  const double beside = found.job.total() - found.job.match;
+  std::printf("\n  beside the method    %7.1f ms, %.2f %% of it\n",
+              kMilliseconds * beside, kPercent * beside / found.job.match);
   std::fflush(stdout);
 }
 

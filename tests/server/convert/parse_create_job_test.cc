@@ -8,6 +8,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "server/convert/request_limits.h"
+#include "server/storage/sha256.h"
 #include "tests/server/test_server.h"
 #include "tests/support/shapes.h"
 
@@ -66,6 +68,24 @@ TEST_F(ParseCreateJobTest, ACoordinateThatIsNotANumber) {
   EXPECT_EQ(error.code, kInvalid);
   EXPECT_EQ(error.reason, "MESH_MALFORMED");
   EXPECT_THAT(error.field, testing::StartsWith("mesh_x"));
+}
+
+TEST_F(ParseCreateJobTest, ADigestOfAnotherSizeThanItsMesh) {
+  v1::CreateJobRequest request = SphereJob();
+  CreateJob(request);  // its meshes are known by digest now
+  const std::string bytes = request.mesh_x().draco();
+  v1::Digest& digest = *request.mutable_mesh_x()->mutable_digest();
+  digest.set_sha256(Sha256Hex(bytes));
+  digest.set_size_bytes(bytes.size() + 1);
+  ExpectRefused(request, "INVALID_FIELD", "mesh_x.digest.size_bytes");
+}
+
+TEST_F(ParseCreateJobTest, MoreLandmarksThanAllowed) {
+  v1::CreateJobRequest request = SphereJob();
+  for (int i = 0; i <= RequestLimits().max_landmarks; ++i) {
+    request.add_landmarks();
+  }
+  ExpectRefused(request, "INVALID_FIELD", "landmarks");
 }
 
 TEST_F(ParseCreateJobTest, LandmarksOutOfRange) {

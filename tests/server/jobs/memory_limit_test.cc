@@ -6,6 +6,8 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/support/temporary_folder.h"
+
 namespace isomatch {
 namespace {
 
@@ -13,8 +15,6 @@ namespace {
 class MemoryLimitTest : public testing::Test {
  protected:
   void SetUp() override {
-    root_ = testing::TempDir() + "memory_limit_test";
-    std::filesystem::remove_all(root_);
     Write("/proc/meminfo", "MemTotal:       1000 kB\nMemFree:  7 kB\n");
   }
 
@@ -24,7 +24,8 @@ class MemoryLimitTest : public testing::Test {
     std::ofstream(file) << text;
   }
 
-  std::string root_;
+  const TemporaryFolder folder_;
+  const std::string root_ = folder_.Path("");
 };
 
 TEST_F(MemoryLimitTest, IsThePhysicalMemoryWithoutACgroup) {
