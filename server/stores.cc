@@ -1,8 +1,11 @@
 #include "server/stores.h"
 
+#include <cstdint>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "absl/time/time.h"
 #include "core/base/status_macros.h"
 #include "server/logging/log.h"
 #include "server/storage/directory_blob_store.h"
@@ -18,6 +21,12 @@ void LogJournalError(const absl::Status& error) {
       absl::StrCat("jobs are not saved, will try again: ", error.message()));
 }
 
+/// Above every number that an earlier process gave: none makes a million jobs a
+/// second.
+std::uint64_t FirstNumber() {
+  return static_cast<std::uint64_t>(absl::ToUnixMicros(absl::Now()));
+}
+
 /// The job store as the last process left it.
 absl::Status OpenJobs(const std::string& path, Stores& stores) {
   ISOMATCH_ASSIGN_OR_RETURN(std::unique_ptr<SqliteJournal> journal,
@@ -29,8 +38,9 @@ absl::Status OpenJobs(const std::string& path, Stores& stores) {
                      " cannot be read and is left out"),
         {{"job", id}});
   }
-  stores.jobs = std::make_unique<MemoryJobStore>(
-      std::move(contents.records), journal.get(), LogJournalError);
+  stores.jobs = std::make_unique<MemoryJobStore>(std::move(contents.records),
+                                                 journal.get(), LogJournalError,
+                                                 FirstNumber());
   stores.journal = std::move(journal);
   return absl::OkStatus();
 }

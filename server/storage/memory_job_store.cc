@@ -41,9 +41,11 @@ bool Matches(const JobRecord& record, const JobFilter& filter) {
 }  // namespace
 
 MemoryJobStore::MemoryJobStore(std::vector<JobRecord> records,
-                               JobJournal* journal, OnError on_error)
+                               JobJournal* journal, OnError on_error,
+                               std::uint64_t first_number)
     : journal_(journal), on_error_(std::move(on_error)) {
   MutexLock lock(mutex_);
+  last_number_ = first_number - 1;
   for (const JobRecord& record : records) {
     last_sequence_ = std::max(last_sequence_, record.sequence + kSequenceGap);
     last_number_ = std::max(last_number_, record.number);

@@ -28,9 +28,11 @@ class MemoryJobStore : public JobStore {
   /// of state in the journal before anybody sees them; progress alone is not
   /// kept. When the journal fails, a new job is refused, and any other change
   /// holds in memory, is told to `on_error` and written with the next one:
-  /// until then a crash makes the job run again.
+  /// until then a crash makes the job run again. New jobs get numbers from
+  /// `first_number` on; it has to be above those of jobs that are deleted by
+  /// now, so that page tokens stay in their place.
   MemoryJobStore(std::vector<JobRecord> records, JobJournal* journal,
-                 OnError on_error);
+                 OnError on_error, std::uint64_t first_number = 1);
 
   absl::StatusOr<JobRecord> Insert(JobRecord record) override;
   absl::StatusOr<JobRecord> Update(JobRecord record) override;

@@ -51,6 +51,16 @@ TEST(MemoryJobStoreTest, SequencesGrowWithEveryChangeOfAnyJob) {
   EXPECT_EQ(a.number, a2.number);
 }
 
+TEST(MemoryJobStoreTest, NumbersBeginAboveThoseOfEarlierProcesses) {
+  JobRecord old = NewJob("old");
+  old.number = 7;
+  const auto ignore = [](const absl::Status&) {};
+  MemoryJobStore store({old}, nullptr, ignore, /*first_number=*/100);
+  EXPECT_EQ(store.Insert(NewJob("a"))->number, 100);
+  MemoryJobStore behind({old}, nullptr, ignore, /*first_number=*/5);
+  EXPECT_EQ(behind.Insert(NewJob("a"))->number, 8);
+}
+
 TEST(MemoryJobStoreTest, AnUpdateOfAnOldSequenceIsAborted) {
   MemoryJobStore store;
   const JobRecord old = *store.Insert(NewJob("a"));
