@@ -22,6 +22,10 @@ namespace {
 /// Of --health; container probes should wait a little longer.
 constexpr absl::Duration kProbeTimeout = absl::Seconds(2);
 
+/// What the shutdown may take beyond the drain timeout: a second, with the end
+/// of the process.
+constexpr absl::Duration kLastSecond = absl::Milliseconds(950);
+
 /// Blocks the signals in this thread and those it starts, for sigwait.
 sigset_t BlockStopSignals() {
   sigset_t signals;
@@ -84,7 +88,7 @@ void GuardShutdown(const sigset_t& signals, absl::Duration drain) {
     _exit(1);
   }).detach();
   std::thread([drain] {
-    absl::SleepFor(drain + absl::Seconds(1));
+    absl::SleepFor(drain + kLastSecond);
     _exit(0);
   }).detach();
 }
