@@ -6,6 +6,7 @@
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
+#include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -15,6 +16,7 @@ namespace {
 [[noreturn]] void Execute(const std::string& binary,
                           std::vector<std::string> arguments, int errors,
                           const std::string& output) {
+  prctl(PR_SET_PDEATHSIG, SIGKILL);  // also when the test is killed
   dup2(errors, STDERR_FILENO);
   if (!output.empty()) {
     dup2(open(output.c_str(), O_CREAT | O_WRONLY | O_TRUNC, 0600),

@@ -9,7 +9,8 @@
 namespace isomatch {
 
 /// A program of ours as a process of its own; what it writes to standard error
-/// is read. Killed when it still runs at the end. Not thread-safe.
+/// is read. Killed when it still runs at the end, or when the thread that made
+/// it ends. Not thread-safe.
 class ChildProcess {
  public:
   /// Starts `binary`; its standard output goes to the file `output`, or where
@@ -29,6 +30,9 @@ class ChildProcess {
   std::vector<std::string> ReadLines();
 
   void Signal(int signal) const;
+
+  /// 0 after its end.
+  pid_t id() const { return id_; }
 
   /// Waits for its end. -1 when a signal killed it.
   int ExitStatus();
