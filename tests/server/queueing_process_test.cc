@@ -85,7 +85,9 @@ class Running {
 /// What a job of this request may need, says a server that runs nothing.
 std::uint64_t EstimateOf(v1::CreateJobRequest request) {
   request.set_validate_only(true);
-  return Running({}).Create(request).memory_estimate_bytes();
+  return Running({"--prepared-cache-bytes", "0"})
+      .Create(request)
+      .memory_estimate_bytes();
 }
 
 TEST(QueueingProcessTest, FiftyJobsEndAlthoughTheServerIsKilledAmongThem) {
@@ -94,11 +96,16 @@ TEST(QueueingProcessTest, FiftyJobsEndAlthoughTheServerIsKilledAmongThem) {
   const std::uint64_t large = EstimateOf(RequestOf(4));
   // Two small ones at a time, or a large one alone.
   const std::uint64_t budget = std::max(2 * small, large) + small / 2;
-  const std::vector<std::string> flags = {
-      "--data-dir",        folder.Path("data"),
-      "--workers",         "2",
-      "--memory-budget",   absl::StrCat(budget),
-      "--max-queued-jobs", absl::StrCat(kJobs)};
+  const std::vector<std::string> flags = {"--data-dir",
+                                          folder.Path("data"),
+                                          "--workers",
+                                          "2",
+                                          "--memory-budget",
+                                          absl::StrCat(budget),
+                                          "--prepared-cache-bytes",
+                                          "0",
+                                          "--max-queued-jobs",
+                                          absl::StrCat(kJobs)};
   std::vector<std::string> names;
   std::vector<bool> had_ended;
   {

@@ -44,6 +44,7 @@ class QueueingTest : public TestServer {
     ServerConfig config = TestConfig();
     config.workers = kWorkers;
     config.memory_budget_bytes = kUnits * kUnitBytes + kRoomForMeshes;
+    config.prepared_cache_bytes = 0;  // all of it is for jobs
     std::string keys =
         absl::StrCat("admin all admin ", Sha256Hex("admin"), "\n");
     for (const char* tenant : {"a", "b", "c"}) {
