@@ -248,6 +248,7 @@ void Server::Impl::OnState(const JobRecord& job) {
 
 LoadFigures Server::Impl::ReadLoad() {
   const JobManager::Load load = manager_.load();
+  const PreparedCache::Counts prepared = prepared_.counts();
   return {.queued_jobs = load.queued_jobs,
           .running_jobs = load.running_jobs,
           .watchers = manager_.watchers().size(),
@@ -256,9 +257,9 @@ LoadFigures Server::Impl::ReadLoad() {
           .memory_measured_bytes = PeakResidentBytes(),
           .stored_bytes = stores_.blobs->size_bytes(),
           .prepared_bytes = prepared_.size_bytes(),
-          .prepared_in_memory = prepared_.counts().in_memory,
-          .prepared_on_disk = prepared_.counts().on_disk,
-          .prepared_missing = prepared_.counts().missing};
+          .prepared_in_memory = prepared.in_memory,
+          .prepared_on_disk = prepared.on_disk,
+          .prepared_missing = prepared.missing};
 }
 
 std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>

@@ -32,8 +32,6 @@ void Rewind(JobRecord& record) {
   record.start_time = absl::InfinitePast();
 }
 
-absl::Status NoEdit(JobRecord&) { return absl::OkStatus(); }
-
 }  // namespace
 
 JobManager::JobManager(const Limits& limits, const Parts& parts)
@@ -41,7 +39,7 @@ JobManager::JobManager(const Limits& limits, const Parts& parts)
       parts_(parts),
       guard_(limits.unwatched_grace, parts.timers, &watchers_,
              [this](const std::string& id) {
-               (void)Stop(id, JobState::kCancelled, NoEdit);
+               (void)Stop(id, JobState::kCancelled);
              }),
       queue_(limits.max_passes) {}
 
@@ -271,7 +269,7 @@ void JobManager::Enqueue(const JobRecord& record) {
   }
   if (too_late) {
     guard_.Release(record.id);
-    if (!limits_.durable) (void)Stop(record.id, JobState::kCancelled, NoEdit);
+    if (!limits_.durable) (void)Stop(record.id, JobState::kCancelled);
     return;
   }
   const std::optional<JobRecord> now = parts_.jobs->Get(record.id);
@@ -326,7 +324,7 @@ void JobManager::TakeUp(const JobRecord& record) {
                             record.memory_estimate_bytes, budget_bytes));
   }
   if (ran) {
-    (void)Move(record.id, JobState::kQueued, NoEdit);
+    (void)Move(record.id, JobState::kQueued);
   }
   if (record.cancel_when_unwatched) guard_.Guard(record.id);
   Enqueue(record);
@@ -343,13 +341,13 @@ void JobManager::ForgetOld() {
 
 // Changing it.
 
-absl::Status JobManager::Move(const std::string& id, JobState to,
-                              const Edit& edit) {
+absl::StatusOr<JobRecord> JobManager::Move(const std::string& id, JobState to,
+                                           const Edit& edit) {
   ISOMATCH_ASSIGN_OR_RETURN(const JobRecord moved,
                             Change(id, [&](JobRecord& record) {
                               if (!CanMove(record.state, to))
                                 return JobIsTerminal(id, record.state);
-                              ISOMATCH_RETURN_IF_ERROR(edit(record));
+                              if (edit) ISOMATCH_RETURN_IF_ERROR(edit(record));
                               record.state = to;
                               if (IsTerminal(to))
                                 record.end_time = parts_.now();
@@ -362,7 +360,7 @@ absl::Status JobManager::Move(const std::string& id, JobState to,
     UnpinInputs(moved);
     Prune();
   }
-  return absl::OkStatus();
+  return moved;
 }
 
 absl::StatusOr<JobRecord> JobManager::Change(const std::string& id,

@@ -218,7 +218,7 @@ class JobManager {
   void ReleaseSlot(std::shared_ptr<LiveJob> live);
 
   // Ending it early.
-  absl::Status Stop(const std::string& id, JobState to, const Edit& edit);
+  absl::Status Stop(const std::string& id, JobState to, const Edit& edit = {});
   void FailIfStill(JobState state, const std::string& id,
                    const absl::Status& error);
   void StopRunning(const std::string& id);
@@ -236,7 +236,8 @@ class JobManager {
 
   /// The one function that changes a job's state. FAILED_PRECONDITION when the
   /// drawing above has no such arrow.
-  absl::Status Move(const std::string& id, JobState to, const Edit& edit);
+  absl::StatusOr<JobRecord> Move(const std::string& id, JobState to,
+                                 const Edit& edit = {});
 
   JobSnapshot SnapshotOf(JobRecord record) const;
 

@@ -14,8 +14,6 @@ namespace {
 
 constexpr absl::Duration kStopAgain = absl::Milliseconds(20);
 
-absl::Status NoEdit(JobRecord&) { return absl::OkStatus(); }
-
 JobError ErrorOf(const absl::Status& status) {
   return {status.code(), DetailsOf(status).reason,
           std::string(status.message())};
@@ -50,20 +48,19 @@ void JobManager::Run(std::shared_ptr<LiveJob> live) {
 
 absl::StatusOr<JobRecord> JobManager::Start(LiveJob& live) {
   live.timer.reset();
-  ISOMATCH_RETURN_IF_ERROR(
+  ISOMATCH_ASSIGN_OR_RETURN(
+      JobRecord started,
       Move(live.id, JobState::kRunning, [&](JobRecord& record) {
         record.start_time = parts_.now();
         ++record.attempt;
         return absl::OkStatus();
       }));
-  std::optional<JobRecord> record = parts_.jobs->Get(live.id);
-  if (!record) return JobNotFound(live.id);
-  if (const auto limit = record->run_timeout) {
+  if (const auto limit = started.run_timeout) {
     live.timer = parts_.timers->PostAfter(*limit, [this, id = live.id, limit] {
       FailIfStill(JobState::kRunning, id, RunTimeout(*limit));
     });
   }
-  return *std::move(record);
+  return started;
 }
 
 absl::StatusOr<RunOutcome> JobManager::Execute(const LiveJob& live,
@@ -103,7 +100,7 @@ absl::Status JobManager::Succeed(const JobRecord& record, RunOutcome outcome) {
         done.progress.stage_fraction = 1;
         done.progress.total_fraction = 1;
         return absl::OkStatus();
-      });
+      }).status();
   if (!moved.ok()) UnpinParts(record.tenant, result);
   return moved;
 }
@@ -151,7 +148,7 @@ void JobManager::ReleaseSlot(std::shared_ptr<LiveJob> live) {
 absl::StatusOr<JobSnapshot> JobManager::Cancel(const Caller& caller,
                                                const std::string& id) {
   ISOMATCH_RETURN_IF_ERROR(Find(caller, id).status());
-  ISOMATCH_RETURN_IF_ERROR(Stop(id, JobState::kCancelled, NoEdit));
+  ISOMATCH_RETURN_IF_ERROR(Stop(id, JobState::kCancelled));
   return Get(caller, id);
 }
 
@@ -170,7 +167,7 @@ absl::Status JobManager::Delete(const Caller& caller, const std::string& id) {
 
 absl::Status JobManager::Stop(const std::string& id, JobState to,
                               const Edit& edit) {
-  ISOMATCH_RETURN_IF_ERROR(Move(id, to, edit));
+  ISOMATCH_RETURN_IF_ERROR(Move(id, to, edit).status());
   std::shared_ptr<LiveJob> live;
   {
     MutexLock lock(mutex_);
@@ -206,7 +203,7 @@ void JobManager::FailIfStill(JobState state, const std::string& id,
 
 void JobManager::StopRunning(const std::string& id) {
   if (!limits_.durable) {
-    (void)Stop(id, JobState::kCancelled, NoEdit);
+    (void)Stop(id, JobState::kCancelled);
     return;
   }
   (void)Stop(id, JobState::kQueued, [](JobRecord& record) {
@@ -230,7 +227,7 @@ void JobManager::BeginDrain() {
       if (queued != nullptr) live_.erase(queued->id);
     }
     if (queued == nullptr) return;
-    if (!limits_.durable) (void)Move(queued->id, JobState::kCancelled, NoEdit);
+    if (!limits_.durable) (void)Move(queued->id, JobState::kCancelled);
     queued->Release();
   }
 }
