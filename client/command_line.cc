@@ -14,11 +14,13 @@ namespace {
 constexpr char kFooter[] = R"(
 Examples:
   isomatch match cat.off dog.off -o map.txt
-  isomatch match cat.off dog.off -o map.txt --server 127.0.0.1:7443
+  isomatch batch pairs.txt -o maps
+  isomatch submit cat.off dog.off --server 127.0.0.1:7443
   isomatch evaluate dog.off map.txt truth.txt
   isomatch sample --pose A --vertices 5000 -o a.off
 
-`isomatch COMMAND --help` tells more about each command.
+`isomatch COMMAND --help` tells more about each command. The environment's
+ISOMATCH_SERVER stands for --server.
 Exit status: 0 success, 2 wrong usage or input, 1 any other failure,
 130 interrupted.)";
 
@@ -60,7 +62,11 @@ int RunCommandLine(int argc, const char* const* argv,
   app.footer(kFooter);
   app.require_subcommand(1);
   const std::vector<Command> commands = {
-      AddMatchCommand(app), AddEvaluateCommand(app), AddSampleCommand(app)};
+      AddMatchCommand(app),      AddBatchCommand(app),  AddEvaluateCommand(app),
+      AddSampleCommand(app),     AddSubmitCommand(app), AddWatchCommand(app),
+      AddGetCommand(app),        AddListCommand(app),   AddCancelCommand(app),
+      AddDeleteCommand(app),     AddUploadCommand(app), AddInfoCommand(app),
+      AddCompletionCommand(app), AddManCommand(app)};
   // CLI11 reports by exceptions; memory can run out on huge files.
   try {
     app.parse(argc, argv);

@@ -104,18 +104,10 @@ std::string FormatText(const std::string& name, const GeodesicError& error) {
 absl::Status Run(const Arguments& arguments, const Terminal& terminal) {
   ISOMATCH_ASSIGN_OR_RETURN(const Errors errors,
                             Measure(arguments, terminal.stop));
-  if (arguments.json) {
-    terminal.out << FormatJson(errors);
-  } else {
-    terminal.out << FormatText("direct", errors.direct);
-    if (errors.mirrored) {
-      terminal.out << FormatText("mirrored", *errors.mirrored);
-    }
-  }
-  terminal.out.flush();
-  return terminal.out
-             ? absl::OkStatus()
-             : absl::UnavailableError("standard output cannot be written");
+  if (arguments.json) return Print(FormatJson(errors), terminal);
+  std::string text = FormatText("direct", errors.direct);
+  if (errors.mirrored) text += FormatText("mirrored", *errors.mirrored);
+  return Print(text, terminal);
 }
 
 }  // namespace

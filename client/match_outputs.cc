@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "client/map_file.h"
 #include "client/match_report.h"
 #include "client/part_files.h"
@@ -17,6 +18,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
+const std::string kNoFile;
+
 struct Output {
   const char* option;
   const std::string& path;
@@ -25,9 +28,9 @@ struct Output {
 /// Those that are files, the map first.
 std::vector<Output> Files(const MatchOutputs& outputs) {
   std::vector<Output> files;
-  if (outputs.map != "-") files.push_back({"--output", outputs.map});
   for (const Output& output :
-       {Output{"--report", outputs.report},
+       {Output{"--output", outputs.map == "-" ? kNoFile : outputs.map},
+        Output{"--report", outputs.report},
         Output{"--precise", outputs.precise},
         Output{"--confidence", outputs.confidence},
         Output{"--alternative", outputs.alternative},
@@ -48,6 +51,7 @@ std::string Identity(const std::string& path) {
 
 absl::Status WriteMap(const std::string& path, const VertexMap& y_from_x,
                       const Terminal& terminal) {
+  if (path.empty()) return absl::OkStatus();
   const std::string text = FormatMap(y_from_x);
   if (path != "-") return WriteFileAtomically(path, text);
   terminal.out << text << std::flush;
@@ -81,7 +85,44 @@ absl::Status WritePart(const Output& output, const Part& part,
                    "isomatch-server"));
 }
 
+// Below it a second map is nearly as good as the chosen one.
+constexpr double kLowSymmetryConfidence = 0.2;
+
 }  // namespace
+
+void AddMatchOutputs(CLI::App* command, MatchOutputs* outputs) {
+  command
+      ->add_option("-o,--output", outputs->map,
+                   "MAP to write; - is standard output")
+      ->capture_default_str();
+  command->add_option("--precise", outputs->precise,
+                      "File of places between the vertices of Y");
+  command->add_option("--confidence", outputs->confidence,
+                      "File of how far to trust each line of MAP, 0 to 1");
+  command->add_option("--alternative", outputs->alternative,
+                      "MAP of the runner-up, as a rule a symmetric image");
+  command->add_option("--functional-map", outputs->functional_map,
+                      "JSON file of the map between eigenfunctions");
+  command->add_option("--report", outputs->report,
+                      "JSON file about the run: times, memory, quality");
+}
+
+bool HasFiles(const MatchOutputs& outputs) {
+  return outputs.map == "-" || !Files(outputs).empty();
+}
+
+std::vector<std::string> ResultWarnings(const v1::ResultInfo& info) {
+  std::vector<std::string> warnings(info.warnings().begin(),
+                                    info.warnings().end());
+  if (info.alternatives_size() > 0 &&
+      info.symmetry_confidence() < kLowSymmetryConfidence) {
+    warnings.push_back(absl::StrFormat(
+        "the map may be a symmetric image: another one is nearly as good "
+        "(symmetry confidence %.2f of 1), see --alternative",
+        info.symmetry_confidence()));
+  }
+  return warnings;
+}
 
 absl::Status CheckOutputs(const MatchOutputs& outputs) {
   std::map<std::string, const char*> option_of_file;
@@ -111,21 +152,20 @@ std::vector<v1::ResultPart> PartsFor(const MatchOutputs& outputs) {
 }
 
 absl::Status WriteOutputs(const MatchOutputs& outputs,
-                          const MatchRequest& request,
-                          const MatchResult& result,
+                          const TriangleMesh& mesh_y, const MatchResult& result,
                           const std::vector<std::string>& warnings,
                           const Terminal& terminal) {
   ISOMATCH_RETURN_IF_ERROR(WriteMap(outputs.map, result.y_from_x, terminal));
   if (!outputs.report.empty()) {
-    ISOMATCH_RETURN_IF_ERROR(WriteFileAtomically(
-        outputs.report, FormatReport(request, result, warnings)));
+    ISOMATCH_RETURN_IF_ERROR(
+        WriteFileAtomically(outputs.report, FormatReport(result, warnings)));
   }
   ISOMATCH_RETURN_IF_ERROR(
       WriteAlternative(outputs.alternative, result, terminal));
   ISOMATCH_RETURN_IF_ERROR(
       WritePart({"--precise", outputs.precise}, result.precise,
                 [&](const std::vector<PrecisePoint>& points) {
-                  return FormatPreciseMap(points, request.mesh_y);
+                  return FormatPreciseMap(points, mesh_y);
                 }));
   ISOMATCH_RETURN_IF_ERROR(WritePart({"--confidence", outputs.confidence},
                                      result.confidence, FormatConfidence));
