@@ -18,6 +18,7 @@ Examples:
   isomatch submit cat.off dog.off --server 127.0.0.1:7443
   isomatch evaluate dog.off map.txt truth.txt
   isomatch sample --pose A --vertices 5000 -o a.off
+  isomatch view cat.off dog.off map.txt -o report.html
 
 `isomatch COMMAND --help` tells more about each command. The environment's
 ISOMATCH_SERVER stands for --server.
@@ -62,11 +63,11 @@ int RunCommandLine(int argc, const char* const* argv,
   app.footer(kFooter);
   app.require_subcommand(1);
   const std::vector<Command> commands = {
-      AddMatchCommand(app),      AddBatchCommand(app),  AddEvaluateCommand(app),
-      AddSampleCommand(app),     AddSubmitCommand(app), AddWatchCommand(app),
-      AddGetCommand(app),        AddListCommand(app),   AddCancelCommand(app),
-      AddDeleteCommand(app),     AddUploadCommand(app), AddInfoCommand(app),
-      AddCompletionCommand(app), AddManCommand(app)};
+      AddMatchCommand(app),  AddBatchCommand(app),      AddEvaluateCommand(app),
+      AddSampleCommand(app), AddSubmitCommand(app),     AddWatchCommand(app),
+      AddGetCommand(app),    AddListCommand(app),       AddCancelCommand(app),
+      AddDeleteCommand(app), AddUploadCommand(app),     AddInfoCommand(app),
+      AddViewCommand(app),   AddCompletionCommand(app), AddManCommand(app)};
   // CLI11 reports by exceptions; memory can run out on huge files.
   try {
     app.parse(argc, argv);

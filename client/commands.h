@@ -31,5 +31,6 @@ Command AddCompletionCommand(CLI::App& app);
 Command AddManCommand(CLI::App& app);
 Command AddEvaluateCommand(CLI::App& app);
 Command AddSampleCommand(CLI::App& app);
+Command AddViewCommand(CLI::App& app);
 
 }  // namespace isomatch
