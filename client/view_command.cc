@@ -217,13 +217,14 @@ absl::StatusOr<PairView> Load(const Arguments& arguments,
 }
 
 /// A picture has no numbers: they are told here.
-void TellScale(const PairView& view, const Arguments& arguments,
-               const Terminal& terminal) {
+absl::Status TellScale(const PairView& view, const Arguments& arguments,
+                       const Terminal& terminal) {
   const ScalarLayer* layer = FindLayer(view, arguments.layer);
-  if (layer == nullptr) return;
-  terminal.out << absl::StreamFormat("%s: %s, scale from %.4g to %.4g\n",
-                                     arguments.picture, layer->id, layer->low,
-                                     layer->high);
+  if (layer == nullptr) return absl::OkStatus();
+  return Print(
+      absl::StrFormat("%s: %s, scale from %.4g to %.4g\n", arguments.picture,
+                      layer->id, layer->low, layer->high),
+      terminal);
 }
 
 absl::Status Run(const Arguments& arguments, const Terminal& terminal) {
@@ -242,8 +243,7 @@ absl::Status Run(const Arguments& arguments, const Terminal& terminal) {
   ISOMATCH_ASSIGN_OR_RETURN(const std::string png,
                             EncodePng(DrawPair(view, options)));
   ISOMATCH_RETURN_IF_ERROR(WriteFileAtomically(arguments.picture, png));
-  TellScale(view, arguments, terminal);
-  return absl::OkStatus();
+  return TellScale(view, arguments, terminal);
 }
 
 void AddAppearance(CLI::App& command, Arguments& arguments) {
