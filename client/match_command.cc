@@ -9,13 +9,13 @@
 #include "absl/status/statusor.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "client/command_support.h"
 #include "client/commands.h"
 #include "client/connection.h"
 #include "client/connection_flags.h"
 #include "client/isomatch_client.h"
 #include "client/map_file.h"
 #include "client/match_outputs.h"
-#include "client/mesh_file.h"
 #include "client/progress_display.h"
 #include "core/base/status_macros.h"
 #include "server/server.h"
@@ -26,7 +26,9 @@ namespace {
 
 constexpr char kFooter[] = R"(
 MAP has one line for each vertex of X, in the order of X's file: the 0-based
-vertex of Y that it corresponds to, or -1 for a vertex on no face.
+vertex of Y that it corresponds to, or -1 for a vertex on no face. Its extension
+tells the format: .npy is the same as a NumPy array of int64, .json as JSON,
+.ply is X in the colours of Y, to be looked at; anything else is text.
 
 Without --server the work is done in this process, by the same server code.
 
@@ -34,6 +36,8 @@ Examples:
   isomatch match X.off Y.ply -o map.txt
   isomatch match X.off Y.ply -o map.txt --report report.json
   isomatch match X.off Y.ply --landmarks pairs.txt --no-progress > map.txt
+  isomatch match X.off Y.ply -o map.npy
+  isomatch match X.off Y.ply -o colored.ply --confidence confidence.txt
   isomatch match X.off Y.ply -o map.txt --server 127.0.0.1:7443
   isomatch match X.off Y.ply -o map.txt --precise points.txt
   isomatch match X.off Y.ply -o map.txt --server meshes.example.org:7443 \
@@ -70,22 +74,18 @@ struct Arguments {
   bool no_progress = false;
 };
 
-// Reads a mesh and appends what is to be said about it to `warnings`.
-absl::StatusOr<TriangleMesh> Load(const std::string& path,
-                                  const std::string& field,
-                                  std::vector<std::string>* warnings) {
-  ISOMATCH_ASSIGN_OR_RETURN(LoadedMesh loaded, ReadMesh(path, field));
-  for (const std::string& warning : loaded.warnings) {
-    warnings->push_back(absl::StrCat(field, ": '", path, "': ", warning));
-  }
-  return std::move(loaded.mesh);
-}
-
 absl::StatusOr<MatchRequest> MakeRequest(const Arguments& arguments,
-                                         std::vector<std::string>* warnings) {
+                                         MeshFacts* facts) {
   MatchRequest request;
-  ISOMATCH_ASSIGN_OR_RETURN(request.mesh_x, Load(arguments.x, "X", warnings));
-  ISOMATCH_ASSIGN_OR_RETURN(request.mesh_y, Load(arguments.y, "Y", warnings));
+  ISOMATCH_ASSIGN_OR_RETURN(request.mesh_x,
+                            LoadMesh(arguments.x, "X", &facts->warnings));
+  ISOMATCH_ASSIGN_OR_RETURN(request.mesh_y,
+                            LoadMesh(arguments.y, "Y", &facts->warnings));
+  if (NeedColors(arguments.outputs)) {
+    ISOMATCH_ASSIGN_OR_RETURN(
+        facts->colors_y,
+        ReadVertexColors(arguments.y, request.mesh_y.num_vertices()));
+  }
   if (!arguments.landmarks.empty()) {
     ISOMATCH_ASSIGN_OR_RETURN(
         request.landmarks,
@@ -166,15 +166,9 @@ std::vector<std::string> WarningsOf(const v1::ResultInfo& info) {
   return warnings;
 }
 
-void Warn(const std::vector<std::string>& warnings, const Terminal& terminal) {
-  for (const std::string& warning : warnings) {
-    terminal.err << "isomatch: warning: " << warning << std::endl;
-  }
-}
-
 absl::Status Run(const Arguments& arguments, const Terminal& terminal) {
   ISOMATCH_RETURN_IF_ERROR(CheckOutputs(arguments.outputs));
-  std::vector<std::string> warnings;
+  MeshFacts facts;
   ConnectionSecurity security;
   const bool is_embedded = arguments.connection.server.empty();
   if (!is_embedded) {
@@ -184,14 +178,14 @@ absl::Status Run(const Arguments& arguments, const Terminal& terminal) {
     Warn(SecurityWarnings(arguments.connection, security), terminal);
   }
   ISOMATCH_ASSIGN_OR_RETURN(const MatchRequest request,
-                            MakeRequest(arguments, &warnings));
-  Warn(warnings, terminal);
+                            MakeRequest(arguments, &facts));
+  Warn(facts.warnings, terminal);
   ISOMATCH_ASSIGN_OR_RETURN(
       const MatchResult result,
       is_embedded ? RunEmbedded(request, arguments, terminal)
                   : RunRemote(request, security, arguments, terminal));
   Warn(WarningsOf(result.info), terminal);
-  return WriteOutputs(arguments.outputs, request, result, warnings, terminal);
+  return WriteOutputs(arguments.outputs, request, result, facts, terminal);
 }
 
 void AddInputs(CLI::App* command, Arguments* arguments) {
@@ -208,7 +202,8 @@ void AddInputs(CLI::App* command, Arguments* arguments) {
 void AddOutputs(CLI::App* command, MatchOutputs* outputs) {
   command
       ->add_option("-o,--output", outputs->map,
-                   "MAP to write; - is standard output")
+                   "MAP to write: .txt, .npy, .json or .ply; - is "
+                   "standard output")
       ->capture_default_str();
   command->add_option("--precise", outputs->precise,
                       "File of places between the vertices of Y");

@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "client/map_file.h"
+#include "client/map_ply.h"
 #include "client/match_report.h"
 #include "client/part_files.h"
 #include "client/text_file.h"
@@ -46,22 +47,51 @@ std::string Identity(const std::string& path) {
   return error ? path : canonical.string();
 }
 
-absl::Status WriteMap(const std::string& path, const VertexMap& y_from_x,
+/// What maps of one result are made files from.
+struct MapContext {
+  const MatchRequest& request;
+  const MatchResult& result;
+  const MeshFacts& facts;
+};
+
+std::string MapBytes(const std::string& path, const VertexMap& y_from_x,
+                     const MapContext& context) {
+  const MapFormat format = MapFormatOf(path);
+  const TriangleMesh& mesh_y = context.request.mesh_y;
+  if (format != MapFormat::kPly) {
+    return FormatMap(y_from_x, mesh_y.num_vertices(), format);
+  }
+  const Colors colors = context.facts.colors_y
+                            ? *context.facts.colors_y
+                            : PositionColors(mesh_y.positions);
+  MapPicture picture = {context.request.mesh_x, mesh_y, y_from_x, colors, {}};
+  if (context.result.confidence)
+    picture.confidence = *context.result.confidence;
+  return FormatMapPly(picture);
+}
+
+absl::Status WriteMap(const std::string& path, const MapContext& context,
                       const Terminal& terminal) {
-  const std::string text = FormatMap(y_from_x);
-  if (path != "-") return WriteFileAtomically(path, text);
-  terminal.out << text << std::flush;
+  const VertexMap& y_from_x = context.result.y_from_x;
+  if (path != "-") {
+    return WriteFileAtomically(path, MapBytes(path, y_from_x, context));
+  }
+  terminal.out << FormatMap(y_from_x) << std::flush;
   return terminal.out ? absl::OkStatus()
                       : absl::UnavailableError(
                             "the map cannot be written to standard output");
 }
 
 absl::Status WriteAlternative(const std::string& path,
-                              const MatchResult& result,
+                              const MapContext& context,
                               const Terminal& terminal) {
   if (path.empty()) return absl::OkStatus();
-  if (result.alternative) {
-    return WriteFileAtomically(path, FormatMap(*result.alternative));
+  if (const auto& alternative = context.result.alternative) {
+    // How far to trust it is not known.
+    MatchResult without_confidence;
+    return WriteFileAtomically(
+        path, MapBytes(path, *alternative,
+                       {context.request, without_confidence, context.facts}));
   }
   terminal.err << "isomatch: warning: --alternative '" << path
                << "' is not written: no other map came near this one"
@@ -82,6 +112,11 @@ absl::Status WritePart(const Output& output, const Part& part,
 }
 
 }  // namespace
+
+bool NeedColors(const MatchOutputs& outputs) {
+  return MapFormatOf(outputs.map) == MapFormat::kPly ||
+         MapFormatOf(outputs.alternative) == MapFormat::kPly;
+}
 
 absl::Status CheckOutputs(const MatchOutputs& outputs) {
   std::map<std::string, const char*> option_of_file;
@@ -112,16 +147,16 @@ std::vector<v1::ResultPart> PartsFor(const MatchOutputs& outputs) {
 
 absl::Status WriteOutputs(const MatchOutputs& outputs,
                           const MatchRequest& request,
-                          const MatchResult& result,
-                          const std::vector<std::string>& warnings,
+                          const MatchResult& result, const MeshFacts& facts,
                           const Terminal& terminal) {
-  ISOMATCH_RETURN_IF_ERROR(WriteMap(outputs.map, result.y_from_x, terminal));
+  const MapContext context = {request, result, facts};
+  ISOMATCH_RETURN_IF_ERROR(WriteMap(outputs.map, context, terminal));
   if (!outputs.report.empty()) {
     ISOMATCH_RETURN_IF_ERROR(WriteFileAtomically(
-        outputs.report, FormatReport(request, result, warnings)));
+        outputs.report, FormatReport(request, result, facts.warnings)));
   }
   ISOMATCH_RETURN_IF_ERROR(
-      WriteAlternative(outputs.alternative, result, terminal));
+      WriteAlternative(outputs.alternative, context, terminal));
   ISOMATCH_RETURN_IF_ERROR(
       WritePart({"--precise", outputs.precise}, result.precise,
                 [&](const std::vector<PrecisePoint>& points) {

@@ -1,23 +1,38 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "absl/status/status.h"
 #include "client/command_line.h"
 #include "client/isomatch_client.h"
+#include "client/vertex_colors.h"
 
 namespace isomatch {
 
-/// The files that `isomatch match` writes; empty for none.
+/// The files that `isomatch match` writes; empty for none. Extensions tell how
+/// maps are written (client/map_file.h).
 struct MatchOutputs {
-  /// "-" is standard output.
+  /// "-" is standard output, as text.
   std::string map = "-";
   std::string report;
   std::string precise;
   std::string confidence;
   std::string alternative;
   std::string functional_map;
+};
+
+/// True when one of the maps is to be in colours.
+bool NeedColors(const MatchOutputs& outputs);
+
+/// What is known of the meshes' files beside the meshes.
+struct MeshFacts {
+  /// Of reading them, for the report.
+  std::vector<std::string> warnings;
+  /// Of the vertices of Y, for maps in colours; without them their places
+  /// decide.
+  std::optional<Colors> colors_y;
 };
 
 /// OK when all of them can be expected to be written, and no two are one file.
@@ -28,12 +43,10 @@ absl::Status CheckOutputs(const MatchOutputs& outputs);
 std::vector<v1::ResultPart> PartsFor(const MatchOutputs& outputs);
 
 /// Writes them all, the map first. When the result has no alternative, there is
-/// a warning on terminal.err in place of its file. `warnings` are those of
-/// reading the meshes, for the report.
+/// a warning on terminal.err in place of its file.
 absl::Status WriteOutputs(const MatchOutputs& outputs,
                           const MatchRequest& request,
-                          const MatchResult& result,
-                          const std::vector<std::string>& warnings,
+                          const MatchResult& result, const MeshFacts& facts,
                           const Terminal& terminal);
 
 }  // namespace isomatch

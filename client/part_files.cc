@@ -1,26 +1,17 @@
 #include "client/part_files.h"
 
-#include <array>
-#include <charconv>
 #include <vector>
 
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/str_cat.h"
 #include "client/face_finder.h"
+#include "client/text_file.h"
 
 namespace isomatch {
 namespace {
 
 using Json = nlohmann::ordered_json;
-
-/// Shortest text that reads back as the same float.
-void AppendNumber(std::string& text, float number) {
-  std::array<char, 32> digits;
-  const std::to_chars_result end =
-      std::to_chars(digits.data(), digits.data() + digits.size(), number);
-  text.append(digits.data(), end.ptr);
-}
 
 Json ToJson(const Eigen::VectorXd& vector) {
   return std::vector<double>(vector.begin(), vector.end());
@@ -37,7 +28,7 @@ std::string FormatPreciseMap(absl::Span<const PrecisePoint> points,
     absl::StrAppend(&text, found.face);
     for (const double weight : found.weights) {
       text += ' ';
-      AppendNumber(text, static_cast<float>(weight));
+      AppendNumber(static_cast<float>(weight), &text);
     }
     text += '\n';
   }
@@ -47,7 +38,7 @@ std::string FormatPreciseMap(absl::Span<const PrecisePoint> points,
 std::string FormatConfidence(absl::Span<const float> confidence) {
   std::string text;
   for (const float value : confidence) {
-    AppendNumber(text, value);
+    AppendNumber(value, &text);
     text += '\n';
   }
   return text;
