@@ -19,6 +19,7 @@ struct Command {
 /// Each adds one subcommand with its options and help to `app`.
 Command AddMatchCommand(CLI::App& app);
 Command AddEvaluateCommand(CLI::App& app);
+Command AddTransferCommand(CLI::App& app);
 Command AddSampleCommand(CLI::App& app);
 
 }  // namespace isomatch
