@@ -15,6 +15,7 @@ constexpr char kFooter[] = R"(
 Examples:
   isomatch match cat.off dog.off -o map.txt
   isomatch match cat.off dog.off -o map.txt --server 127.0.0.1:7443
+  isomatch inspect cat.off dog.off
   isomatch transfer cat.off dog.obj map.txt -o textured_cat.obj
   isomatch evaluate dog.off map.txt truth.txt
   isomatch sample --pose A --vertices 5000 -o a.off
@@ -62,7 +63,7 @@ int RunCommandLine(int argc, const char* const* argv,
   app.require_subcommand(1);
   const std::vector<Command> commands = {
       AddMatchCommand(app), AddEvaluateCommand(app), AddTransferCommand(app),
-      AddSampleCommand(app)};
+      AddInspectCommand(app), AddSampleCommand(app)};
   // CLI11 reports by exceptions; memory can run out on huge files.
   try {
     app.parse(argc, argv);

@@ -20,6 +20,7 @@ struct Command {
 Command AddMatchCommand(CLI::App& app);
 Command AddEvaluateCommand(CLI::App& app);
 Command AddTransferCommand(CLI::App& app);
+Command AddInspectCommand(CLI::App& app);
 Command AddSampleCommand(CLI::App& app);
 
 }  // namespace isomatch
