@@ -2,6 +2,8 @@
 
 #include <iostream>
 #include <stop_token>
+#include <string>
+#include <vector>
 
 #include "absl/status/status.h"
 
@@ -16,6 +18,12 @@ struct Terminal {
   /// Requested when the user wants to stop.
   std::stop_token stop;
 };
+
+/// Tells the user each of `warnings`, one line each.
+void Warn(const std::vector<std::string>& warnings, const Terminal& terminal);
+
+/// Writes `text` to terminal.out. UNAVAILABLE when that cannot be written.
+absl::Status Print(const std::string& text, const Terminal& terminal);
 
 /// What the program returns to its caller.
 inline constexpr int kExitSuccess = 0;

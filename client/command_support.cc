@@ -20,19 +20,6 @@ absl::StatusOr<TriangleMesh> LoadMesh(const std::string& path,
   return std::move(loaded.mesh);
 }
 
-void Warn(const std::vector<std::string>& warnings, const Terminal& terminal) {
-  for (const std::string& warning : warnings) {
-    terminal.err << "isomatch: warning: " << warning << std::endl;
-  }
-}
-
-absl::Status Print(const std::string& text, const Terminal& terminal) {
-  terminal.out << text << std::flush;
-  return terminal.out
-             ? absl::OkStatus()
-             : absl::UnavailableError("standard output cannot be written");
-}
-
 absl::Status CheckNotInput(const std::string& output,
                            const std::vector<std::string>& inputs) {
   for (const std::string& input : inputs) {

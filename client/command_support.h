@@ -5,7 +5,6 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "client/command_line.h"
 #include "core/mesh/triangle_mesh.h"
 
 namespace isomatch {
@@ -15,12 +14,6 @@ namespace isomatch {
 absl::StatusOr<TriangleMesh> LoadMesh(const std::string& path,
                                       const std::string& field,
                                       std::vector<std::string>* warnings);
-
-/// Each as a line "isomatch: warning: ..." on terminal.err.
-void Warn(const std::vector<std::string>& warnings, const Terminal& terminal);
-
-/// Writes `text` to terminal.out. UNAVAILABLE when that fails.
-absl::Status Print(const std::string& text, const Terminal& terminal);
 
 /// INVALID_ARGUMENT when `output` is one of the files that are read.
 absl::Status CheckNotInput(const std::string& output,

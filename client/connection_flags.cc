@@ -77,18 +77,19 @@ bool IsThisMachine(const std::string& address) {
 
 }  // namespace
 
-void AddConnectionFlags(CLI::App* command, ConnectionFlags* flags) {
+void AddConnectionFlags(CLI::App* command, ConnectionFlags* flags,
+                        ServerUse use) {
+  if (use == ServerUse::kNeeded) flags->server = kDefaultServer;
   CLI::Option* server =
       command
           ->add_option("--server", flags->server,
                        "HOST:PORT of a running isomatch-server")
+          ->envname("ISOMATCH_SERVER")
           ->check(CLI::Validator(CheckAddress, "HOST:PORT"));
   CLI::Option* ca =
-      command
-          ->add_option("--tls-ca", flags->tls_ca,
-                       "PEM file of the authorities that vouch for the server; "
-                       "with it the connection is encrypted")
-          ->needs(server);
+      command->add_option("--tls-ca", flags->tls_ca,
+                          "PEM file of the authorities that vouch for the "
+                          "server; with it the connection is encrypted");
   CLI::Option* certificate =
       command
           ->add_option("--tls-cert", flags->tls_cert,
@@ -99,11 +100,16 @@ void AddConnectionFlags(CLI::App* command, ConnectionFlags* flags) {
                                       "PEM file of its private key")
                          ->needs(certificate);
   certificate->needs(key);
-  command
-      ->add_option("--api-key-file", flags->api_key_file,
-                   "File with your API key in one line; without it the "
-                   "environment's ISOMATCH_API_KEY is taken")
-      ->needs(server);
+  CLI::Option* api_key = command->add_option(
+      "--api-key-file", flags->api_key_file,
+      "File with your API key in one line; without it the environment's "
+      "ISOMATCH_API_KEY is taken");
+  if (use == ServerUse::kNeeded) {
+    server->capture_default_str();
+  } else {
+    ca->needs(server);
+    api_key->needs(server);
+  }
 }
 
 absl::StatusOr<ConnectionSecurity> LoadSecurity(const ConnectionFlags& flags,

@@ -19,8 +19,20 @@ struct ConnectionFlags {
   std::string api_key_file;
 };
 
-/// Adds --server and what belongs to it. `flags` outlives `command`.
-void AddConnectionFlags(CLI::App* command, ConnectionFlags* flags);
+/// Where a server listens when nothing else is said.
+inline constexpr char kDefaultServer[] = "127.0.0.1:7443";
+
+enum class ServerUse {
+  /// Without --server the command does the work itself.
+  kOptional,
+  /// Without --server it is kDefaultServer.
+  kNeeded,
+};
+
+/// Adds --server, which the environment's ISOMATCH_SERVER can give too, and
+/// what belongs to it. `flags` outlives `command`.
+void AddConnectionFlags(CLI::App* command, ConnectionFlags* flags,
+                        ServerUse use);
 
 /// Returns what the files hold. Without --api-key-file the key is
 /// `environment_key` (of ISOMATCH_API_KEY; null and "" mean none).

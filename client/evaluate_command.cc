@@ -8,7 +8,6 @@
 #include "absl/status/statusor.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "client/command_support.h"
 #include "client/commands.h"
 #include "client/map_file.h"
 #include "client/mesh_file.h"

@@ -1,4 +1,3 @@
-#include <cstdlib>
 #include <memory>
 #include <string>
 #include <utility>
@@ -7,14 +6,12 @@
 #include <nlohmann/json.hpp>
 
 #include "absl/status/statusor.h"
-#include "absl/strings/str_cat.h"
-#include "client/command_support.h"
 #include "client/commands.h"
-#include "client/connection.h"
 #include "client/connection_flags.h"
 #include "client/inspection_report.h"
 #include "client/isomatch_client.h"
 #include "client/mesh_file.h"
+#include "client/remote_server.h"
 #include "core/base/status_macros.h"
 #include "server/server.h"
 #include "server/server_config.h"
@@ -59,17 +56,12 @@ absl::StatusOr<v1::GetServerInfoResponse> AskEmbedded(
 absl::StatusOr<v1::GetServerInfoResponse> AskServer(
     const ConnectionFlags& connection, const Terminal& terminal) {
   if (connection.server.empty()) return AskEmbedded(terminal.stop);
-  ISOMATCH_ASSIGN_OR_RETURN(
-      const ConnectionSecurity security,
-      LoadSecurity(connection, std::getenv("ISOMATCH_API_KEY")));
-  Warn(SecurityWarnings(connection, security), terminal);
+  ISOMATCH_ASSIGN_OR_RETURN(const RemoteServer server,
+                            RemoteServer::Open(connection, terminal));
   absl::StatusOr<v1::GetServerInfoResponse> info =
-      IsomatchClient(ConnectTo(connection.server, security))
-          .GetServerInfo(terminal.stop);
+      IsomatchClient(server.channel()).GetServerInfo(terminal.stop);
   if (info.ok()) return info;
-  return absl::Status(info.status().code(),
-                      absl::StrCat("--server ", connection.server, ": ",
-                                   info.status().message()));
+  return server.Explain(info.status());
 }
 
 absl::StatusOr<InspectionReport> Inspect(
@@ -131,7 +123,7 @@ Command AddInspectCommand(CLI::App& app) {
       ->add_option("MESH", arguments->meshes,
                    "Meshes: .off, .obj, .ply or .stl")
       ->required();
-  AddConnectionFlags(command, &arguments->connection);
+  AddConnectionFlags(command, &arguments->connection, ServerUse::kOptional);
   command->add_flag("--json", arguments->json, "Print JSON instead of text");
   command->footer(kFooter);
   return {command, [arguments](const Terminal& terminal) {

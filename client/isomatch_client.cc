@@ -18,11 +18,6 @@
 namespace isomatch {
 namespace {
 
-// Room in a request for all but the meshes, landmarks counted apart.
-constexpr std::uint64_t kRequestOverheadBytes = 4096;
-// A landmark with its tag, at most.
-constexpr std::uint64_t kLandmarkBytes = 16;
-
 constexpr std::uint64_t kDefaultChunkBytes = 64 << 10;
 
 // What a server gets to answer for the first time: the address may be wrong.
@@ -31,90 +26,11 @@ constexpr absl::Duration kFirstContact = absl::Seconds(3);
 // What telling the server to cancel may take.
 constexpr absl::Duration kCancelTimeout = absl::Seconds(3);
 
-bool IsTerminal(const v1::Job& job) {
-  return job.state() == v1::Job::STATE_SUCCEEDED ||
-         job.state() == v1::Job::STATE_FAILED ||
-         job.state() == v1::Job::STATE_CANCELLED;
-}
-
-// OK for a job that succeeded, else why it did not.
-absl::Status Outcome(const v1::Job& job) {
-  if (job.state() == v1::Job::STATE_SUCCEEDED) return absl::OkStatus();
-  if (job.state() == v1::Job::STATE_CANCELLED) {
-    return absl::CancelledError("the job was cancelled on the server");
-  }
-  return absl::Status(
-      static_cast<absl::StatusCode>(job.error().code()),
-      absl::StrCat(job.error().message(), " (", job.error().reason(), ")"));
-}
-
 // A job the server does not know any more is not the user's mistake.
 absl::Status JobLost(const absl::Status& status) {
   if (status.code() != absl::StatusCode::kNotFound) return status;
   return absl::InternalError(
       absl::StrCat("the server has forgotten the job: ", status.message()));
-}
-
-v1::Digest DigestOf(const std::string& bytes) {
-  v1::Digest digest;
-  digest.set_sha256(Sha256Hex(bytes));
-  digest.set_size_bytes(bytes.size());
-  return digest;
-}
-
-void SetMesh(const EncodedMesh& encoded, VertexIndex vertices, bool is_inline,
-             v1::Mesh* mesh) {
-  if (is_inline) {
-    mesh->set_draco(encoded.bytes);
-  } else {
-    *mesh->mutable_digest() = DigestOf(encoded.bytes);
-  }
-  mesh->set_vertex_order(encoded.vertex_order == VertexOrder::kIdAttribute
-                             ? v1::VERTEX_ORDER_ID_ATTRIBUTE
-                             : v1::VERTEX_ORDER_DECODED);
-  mesh->set_vertex_count(static_cast<std::uint32_t>(vertices));
-}
-
-bool Wants(const MatchRequest& request, v1::ResultPart part) {
-  return std::find(request.parts.begin(), request.parts.end(), part) !=
-         request.parts.end();
-}
-
-v1::CreateJobRequest MakeRequest(
-    const MatchRequest& request,
-    const std::pair<EncodedMesh, EncodedMesh>& meshes, bool is_inline) {
-  v1::CreateJobRequest message;
-  SetMesh(meshes.first, request.mesh_x.num_vertices(), is_inline,
-          message.mutable_mesh_x());
-  SetMesh(meshes.second, request.mesh_y.num_vertices(), is_inline,
-          message.mutable_mesh_y());
-  for (const VertexMatch& landmark : request.landmarks) {
-    v1::Landmark* added = message.add_landmarks();
-    added->set_x(static_cast<std::uint32_t>(landmark.x));
-    added->set_y(static_cast<std::uint32_t>(landmark.y));
-  }
-  v1::MatchOptions& options = *message.mutable_options();
-  options.set_profile(request.profile);
-  options.set_random_seed(request.random_seed);
-  options.set_threads(request.threads);
-  options.set_landmarks_exact(request.landmarks_exact);
-  options.set_functional_map(Wants(request, v1::RESULT_PART_FUNCTIONAL_MAP));
-  if (request.solved_vertices) {
-    options.set_solved_vertices(*request.solved_vertices);
-  }
-  message.set_priority(request.priority);
-  // Nobody else knows the job's name.
-  message.set_disconnect_policy(v1::DISCONNECT_POLICY_CANCEL);
-  message.set_request_id(RandomUuid());
-  return message;
-}
-
-bool FitsOneRequest(const std::pair<EncodedMesh, EncodedMesh>& meshes,
-                    const MatchRequest& request, std::uint64_t limit) {
-  return meshes.first.bytes.size() + meshes.second.bytes.size() +
-             request.landmarks.size() * kLandmarkBytes +
-             kRequestOverheadBytes <=
-         limit;
 }
 
 // The digest of a part; null when the result has none of that kind.
@@ -171,6 +87,28 @@ absl::Status SetPart(v1::ResultPart part, const std::string& bytes,
 
 }  // namespace
 
+bool IsTerminal(const v1::Job& job) {
+  return job.state() == v1::Job::STATE_SUCCEEDED ||
+         job.state() == v1::Job::STATE_FAILED ||
+         job.state() == v1::Job::STATE_CANCELLED;
+}
+
+absl::Status OutcomeOf(const v1::Job& job) {
+  switch (job.state()) {
+    case v1::Job::STATE_SUCCEEDED:
+      return absl::OkStatus();
+    case v1::Job::STATE_FAILED:
+      return absl::Status(
+          static_cast<absl::StatusCode>(job.error().code()),
+          absl::StrCat(job.error().message(), " (", job.error().reason(), ")"));
+    case v1::Job::STATE_CANCELLED:
+      return absl::CancelledError("the job was cancelled on the server");
+    default:
+      return absl::FailedPreconditionError(
+          absl::StrCat(job.name(), " has not ended yet"));
+  }
+}
+
 IsomatchClient::IsomatchClient(const std::shared_ptr<grpc::Channel>& channel)
     : stub_(v1::CorrespondenceService::NewStub(channel)) {}
 
@@ -198,33 +136,66 @@ absl::StatusOr<v1::GetServerInfoResponse> IsomatchClient::GetServerInfo(
 absl::StatusOr<MatchResult> IsomatchClient::Match(const MatchRequest& request,
                                                   const JobCallback& on_change,
                                                   const std::stop_token& stop) {
-  ISOMATCH_ASSIGN_OR_RETURN(const v1::GetServerInfoResponse server,
-                            GetServerInfo(stop));
-  ISOMATCH_ASSIGN_OR_RETURN(EncodedMesh x, EncodeDraco(request.mesh_x));
-  ISOMATCH_ASSIGN_OR_RETURN(EncodedMesh y, EncodeDraco(request.mesh_y));
-  const Encoded meshes(std::move(x), std::move(y));
-  const bool is_inline =
-      FitsOneRequest(meshes, request, server.limits().max_request_bytes());
-  if (!is_inline) {
-    ISOMATCH_RETURN_IF_ERROR(
-        UploadMissing(meshes, server.limits().max_chunk_bytes(), stop));
-  }
+  // Nobody else knows the job's name.
   ISOMATCH_ASSIGN_OR_RETURN(
       const v1::Job created,
-      CreateJob(MakeRequest(request, meshes, is_inline), stop));
+      Create(request, v1::DISCONNECT_POLICY_CANCEL, stop));
   ISOMATCH_ASSIGN_OR_RETURN(const v1::Job job,
-                            WatchToEnd(created, on_change, stop));
-  ISOMATCH_RETURN_IF_ERROR(Outcome(job));
-  return Fetch(request, job, stop);
+                            WatchOrCancel(created.name(), on_change, stop));
+  ISOMATCH_RETURN_IF_ERROR(OutcomeOf(job));
+  ISOMATCH_ASSIGN_OR_RETURN(MatchResult result,
+                            Fetch(job, request.parts, stop));
+  if (result.size.vertices_x == request.mesh_x.num_vertices() &&
+      result.size.vertices_y == request.mesh_y.num_vertices()) {
+    return result;
+  }
+  return absl::DataLossError(absl::StrCat(
+      "the result is a map of ", result.size.vertices_x, " vertices to ",
+      result.size.vertices_y, ", expected ", request.mesh_x.num_vertices(),
+      " and ", request.mesh_y.num_vertices()));
 }
 
-absl::Status IsomatchClient::UploadMissing(const Encoded& meshes,
-                                           std::uint64_t chunk_bytes,
-                                           const std::stop_token& stop) {
-  for (const EncodedMesh* mesh : {&meshes.first, &meshes.second}) {
-    ISOMATCH_RETURN_IF_ERROR(Upload(mesh->bytes, chunk_bytes, stop));
+absl::StatusOr<v1::Job> IsomatchClient::Submit(const MatchRequest& request,
+                                               const std::stop_token& stop) {
+  return Create(request, v1::DISCONNECT_POLICY_KEEP, stop);
+}
+
+absl::StatusOr<v1::Job> IsomatchClient::Create(const MatchRequest& request,
+                                               v1::DisconnectPolicy policy,
+                                               const std::stop_token& stop) {
+  ISOMATCH_ASSIGN_OR_RETURN(const v1::GetServerInfoResponse server,
+                            GetServerInfo(stop));
+  EncodedPair meshes;
+  ISOMATCH_ASSIGN_OR_RETURN(meshes.x, EncodeDraco(request.mesh_x));
+  ISOMATCH_ASSIGN_OR_RETURN(meshes.y, EncodeDraco(request.mesh_y));
+  const v1::GetServerInfoResponse::Limits& limits = server.limits();
+  const bool is_inline =
+      FitsOneRequest(meshes, request, limits.max_request_bytes());
+  if (!is_inline) {
+    for (const EncodedMesh* mesh : {&meshes.x, &meshes.y}) {
+      ISOMATCH_RETURN_IF_ERROR(
+          Upload(mesh->bytes, limits.max_chunk_bytes(), stop));
+    }
   }
-  return absl::OkStatus();
+  v1::CreateJobRequest message =
+      MakeCreateJobRequest(request, meshes, is_inline);
+  message.set_disconnect_policy(policy);
+  return SendCreateJob(message, stop);
+}
+
+absl::StatusOr<bool> IsomatchClient::UploadMesh(const TriangleMesh& mesh,
+                                                v1::Digest* digest,
+                                                const std::stop_token& stop) {
+  ISOMATCH_ASSIGN_OR_RETURN(const v1::GetServerInfoResponse server,
+                            GetServerInfo(stop));
+  ISOMATCH_ASSIGN_OR_RETURN(const EncodedMesh encoded, EncodeDraco(mesh));
+  *digest = DigestOf(encoded.bytes);
+  ISOMATCH_ASSIGN_OR_RETURN(const std::optional<std::uint64_t> received,
+                            FindReceived(*digest, stop));
+  if (!received) return true;
+  ISOMATCH_RETURN_IF_ERROR(
+      Upload(encoded.bytes, server.limits().max_chunk_bytes(), stop));
+  return false;
 }
 
 absl::Status IsomatchClient::Upload(const std::string& bytes,
@@ -287,7 +258,7 @@ absl::Status IsomatchClient::SendFrom(std::uint64_t offset,
   return OfCall(writer->Finish(), stop);
 }
 
-absl::StatusOr<v1::Job> IsomatchClient::CreateJob(
+absl::StatusOr<v1::Job> IsomatchClient::SendCreateJob(
     const v1::CreateJobRequest& request, const std::stop_token& stop) {
   v1::CreateJobResponse response;
   // Not cut short by `stop`: without the name the job could not be cancelled.
@@ -301,11 +272,11 @@ absl::StatusOr<v1::Job> IsomatchClient::CreateJob(
   return response.job();
 }
 
-absl::StatusOr<v1::Job> IsomatchClient::WatchToEnd(
-    const v1::Job& created, const JobCallback& on_change,
-    const std::stop_token& stop) {
+absl::StatusOr<v1::Job> IsomatchClient::Watch(const std::string& name,
+                                              const JobCallback& on_change,
+                                              const std::stop_token& stop) {
   v1::WatchJobRequest request;
-  request.set_name(created.name());
+  request.set_name(name);
   Backoff backoff(stop);
   absl::Status status;
   do {
@@ -323,64 +294,127 @@ absl::StatusOr<v1::Job> IsomatchClient::WatchToEnd(
       status = absl::UnavailableError("the server ended the watch early");
     }
   } while (backoff.Again(status));
-  if (!stop.stop_requested()) return JobLost(status);
-  // What went wrong while cancelling is not what the user wants to know.
-  CancelJob(created.name()).IgnoreError();
-  return Stopped();
+  return stop.stop_requested() ? Stopped() : status;
 }
 
-absl::Status IsomatchClient::CancelJob(const std::string& name) {
+absl::StatusOr<v1::Job> IsomatchClient::WatchOrCancel(
+    const std::string& name, const JobCallback& on_change,
+    const std::stop_token& stop) {
+  absl::StatusOr<v1::Job> job = Watch(name, on_change, stop);
+  if (job.ok()) return job;
+  if (!stop.stop_requested()) return JobLost(job.status());
+  // Not with `stop`, and not for long. What went wrong while cancelling is not
+  // what the user wants to know.
   grpc::ClientContext context;
   context.set_deadline(absl::ToChronoTime(absl::Now() + kCancelTimeout));
   v1::CancelJobRequest request;
   request.set_name(name);
   v1::CancelJobResponse response;
-  return FromGrpc(stub_->CancelJob(&context, request, &response));
+  stub_->CancelJob(&context, request, &response);
+  return Stopped();
 }
 
-absl::StatusOr<MatchResult> IsomatchClient::Fetch(const MatchRequest& request,
-                                                  const v1::Job& job,
+absl::StatusOr<v1::Job> IsomatchClient::GetJob(const std::string& name,
+                                               const std::stop_token& stop) {
+  v1::GetJobRequest request;
+  request.set_name(name);
+  v1::GetJobResponse response;
+  ISOMATCH_RETURN_IF_ERROR(Retry(stop, [&](grpc::ClientContext* context) {
+    return stub_->GetJob(context, request, &response);
+  }));
+  return response.job();
+}
+
+absl::StatusOr<std::vector<v1::Job>> IsomatchClient::ListJobs(
+    const JobFilter& filter, const std::stop_token& stop) {
+  constexpr std::size_t kPageSize = 1000;
+  v1::ListJobsRequest request;
+  for (const v1::Job::State state : filter.states) request.add_states(state);
+  request.mutable_labels()->insert(filter.labels.begin(), filter.labels.end());
+  std::vector<v1::Job> jobs;
+  do {
+    request.set_page_size(static_cast<std::uint32_t>(
+        std::min(kPageSize, filter.limit - jobs.size())));
+    v1::ListJobsResponse response;
+    ISOMATCH_RETURN_IF_ERROR(Retry(stop, [&](grpc::ClientContext* context) {
+      return stub_->ListJobs(context, request, &response);
+    }));
+    jobs.insert(jobs.end(), response.jobs().begin(), response.jobs().end());
+    request.set_page_token(response.next_page_token());
+  } while (!request.page_token().empty() && jobs.size() < filter.limit);
+  return jobs;
+}
+
+absl::StatusOr<v1::Job> IsomatchClient::CancelJob(const std::string& name,
                                                   const std::stop_token& stop) {
+  v1::CancelJobRequest request;
+  request.set_name(name);
+  v1::CancelJobResponse response;
+  ISOMATCH_RETURN_IF_ERROR(Retry(stop, [&](grpc::ClientContext* context) {
+    return stub_->CancelJob(context, request, &response);
+  }));
+  return response.job();
+}
+
+absl::Status IsomatchClient::DeleteJob(const std::string& name,
+                                       const std::stop_token& stop) {
+  v1::DeleteJobRequest request;
+  request.set_name(name);
+  v1::DeleteJobResponse response;
+  return Retry(stop, [&](grpc::ClientContext* context) {
+    return stub_->DeleteJob(context, request, &response);
+  });
+}
+
+absl::StatusOr<MatchResult> IsomatchClient::Fetch(
+    const v1::Job& job, const std::vector<v1::ResultPart>& parts,
+    const std::stop_token& stop) {
   MatchResult result;
   result.info = job.result();
   result.memory_estimate_bytes = job.memory_estimate_bytes();
-  const PairSize size{request.mesh_x.num_vertices(),
-                      request.mesh_y.num_vertices()};
-  std::vector<v1::ResultPart> parts = {v1::RESULT_PART_MAP};
-  parts.insert(parts.end(), request.parts.begin(), request.parts.end());
-  for (const v1::ResultPart part : parts) {
+  std::vector<v1::ResultPart> wanted = {v1::RESULT_PART_MAP};
+  wanted.insert(wanted.end(), parts.begin(), parts.end());
+  for (const v1::ResultPart part : wanted) {
     const v1::Digest* const digest = FindDigest(result.info, part);
     if (digest == nullptr) continue;
-    ISOMATCH_ASSIGN_OR_RETURN(const std::string bytes,
+    ISOMATCH_ASSIGN_OR_RETURN(const DownloadedPart downloaded,
                               Download(job.name(), part, stop));
-    ISOMATCH_RETURN_IF_ERROR(CheckDigest(bytes, *digest));
-    ISOMATCH_RETURN_IF_ERROR(SetPart(part, bytes, size, result));
+    ISOMATCH_RETURN_IF_ERROR(CheckDigest(downloaded.bytes, *digest));
+    result.size = downloaded.size;
+    ISOMATCH_RETURN_IF_ERROR(
+        SetPart(part, downloaded.bytes, downloaded.size, result));
   }
   return result;
 }
 
-absl::StatusOr<std::string> IsomatchClient::Download(
+absl::StatusOr<IsomatchClient::DownloadedPart> IsomatchClient::Download(
     const std::string& name, v1::ResultPart part, const std::stop_token& stop) {
   v1::DownloadResultRequest request;
   request.set_name(name);
   request.set_part(part);
-  std::string bytes;
+  DownloadedPart downloaded;
   Backoff backoff(stop);
   absl::Status status;
   do {
     StoppableContext context(stop);
-    request.set_offset(bytes.size());
+    request.set_offset(downloaded.bytes.size());
     const auto reader = stub_->DownloadResult(context.get(), request);
     v1::DownloadResultResponse response;
     while (reader->Read(&response)) {
-      if (response.has_chunk()) backoff.Reset();
-      bytes += response.chunk();
+      if (response.has_header()) {
+        const v1::DownloadResultResponse::Header& header = response.header();
+        downloaded.size = {static_cast<VertexIndex>(header.vertices_x()),
+                           static_cast<VertexIndex>(header.vertices_y())};
+      } else {
+        backoff.Reset();
+        downloaded.bytes += response.chunk();
+      }
     }
     status = OfCall(reader->Finish(), stop);
   } while (backoff.Again(status));
   if (!status.ok() && stop.stop_requested()) return Stopped();
   ISOMATCH_RETURN_IF_ERROR(JobLost(status));
-  return bytes;
+  return downloaded;
 }
 
 }  // namespace isomatch

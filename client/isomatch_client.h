@@ -1,7 +1,9 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <stop_token>
@@ -12,39 +14,18 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "client/match_request.h"
 #include "client/result_parts.h"
 #include "core/base/vertex_index.h"
-#include "core/io/draco_mesh.h"
 #include "core/mesh/triangle_mesh.h"
 #include "isomatch/v1/service.grpc.pb.h"
 
 namespace isomatch {
 
-/// What to match, and how.
-struct MatchRequest {
-  /// REQUIRES: both pass ValidateMesh.
-  TriangleMesh mesh_x;
-  TriangleMesh mesh_y;
-  /// When given, they take the place of generated seeds.
-  std::vector<VertexMatch> landmarks;
-  v1::Profile profile = v1::PROFILE_DEFAULT;
-  std::uint64_t random_seed = 1;
-  /// 0 means the server's share.
-  std::uint32_t threads = 0;
-  /// Keeps every landmark, whatever contradicts it.
-  bool landmarks_exact = false;
-  /// What to download beside the map. RESULT_PART_FUNCTIONAL_MAP is computed
-  /// only when it is among them.
-  std::vector<v1::ResultPart> parts = {};
-  /// As MatchOptions.solved_vertices; not set: the profile's choice.
-  std::optional<std::uint32_t> solved_vertices = {};
-  /// -100 to 100; jobs of a higher one start first.
-  std::int32_t priority = 0;
-};
-
 /// The map in the vertex numbering of the request, and what the server says
 /// about it.
 struct MatchResult {
+  PairSize size;
   VertexMap y_from_x;
   v1::ResultInfo info;
   std::uint64_t memory_estimate_bytes = 0;
@@ -59,25 +40,36 @@ struct MatchResult {
   std::optional<FunctionalMap> functional_map;
 };
 
-/// Called with every snapshot of the job, from the thread that calls Match.
+/// OK for a job that succeeded, else why it did not, or that it has not ended.
+absl::Status OutcomeOf(const v1::Job& job);
+
+/// True for a job that will not change any more.
+bool IsTerminal(const v1::Job& job);
+
+/// Which jobs ListJobs returns.
+struct JobFilter {
+  /// In one of these; empty for all.
+  std::vector<v1::Job::State> states;
+  /// With all of these.
+  std::map<std::string, std::string> labels;
+  /// At most so many, newest first.
+  std::size_t limit = 100;
+};
+
+/// Called with every snapshot of the job, from the thread that calls.
 using JobCallback = std::function<void(const v1::Job&)>;
 
-/// Talks to an Isomatch server over a channel (see connection.h). Match goes
-/// through these steps:
-///
-///   1. both meshes are compressed with Draco, losslessly in single precision;
-///   2. they travel inside CreateJob if both fit one request, else those that
-///      the server lacks are uploaded first and named by their SHA-256;
-///   3. CreateJob carries a fresh request_id, so that sending it again after a
-///      lost connection cannot start a second job;
-///   4. UploadMesh, WatchJob and DownloadResult go on where they were lost;
-///   5. the size and SHA-256 of each part of the result are verified.
+/// Talks to an Isomatch server over a channel (see connection.h).
 ///
 /// Calls that end with UNAVAILABLE are repeated with growing pauses, about ten
 /// seconds in all; each message received starts the count anew. Only the first
-/// call, which asks for the server's limits, has no more than three. When
-/// `stop` is requested the job is cancelled on the server and the call returns
-/// CANCELLED. A client that vanishes has its job cancelled too.
+/// call, which asks for the server's limits, has no more than three. Uploads,
+/// watches and downloads go on where they were lost. When `stop` is requested
+/// a call returns CANCELLED.
+///
+/// Errors of each call: NOT_FOUND, FAILED_PRECONDITION, RESOURCE_EXHAUSTED,
+/// UNAUTHENTICATED, PERMISSION_DENIED, INTERNAL as the server says;
+/// UNAVAILABLE: no server, or it was lost.
 ///
 /// Thread-safe.
 class IsomatchClient {
@@ -88,18 +80,63 @@ class IsomatchClient {
   absl::StatusOr<v1::GetServerInfoResponse> GetServerInfo(
       const std::stop_token& stop = {});
 
+  /// Creates a job, waits for its end and returns its result:
+  ///
+  ///   1. both meshes are compressed with Draco, losslessly in single
+  ///      precision;
+  ///   2. they travel inside CreateJob if both fit one request, else those that
+  ///      the server lacks are uploaded first and named by their SHA-256;
+  ///   3. CreateJob carries a fresh request_id, so that sending it again after
+  ///      a lost connection cannot start a second job;
+  ///   4. the job is watched; `stop` cancels it on the server, and so does the
+  ///      end of this client;
+  ///   5. the size and SHA-256 of each part of the result are verified.
+  ///
   /// INVALID_ARGUMENT: the server refused the input; the message names the
-  /// field. UNAVAILABLE: no server, or it was lost. CANCELLED,
-  /// RESOURCE_EXHAUSTED, FAILED_PRECONDITION, INTERNAL: as the server says.
+  /// field.
   absl::StatusOr<MatchResult> Match(const MatchRequest& request,
                                     const JobCallback& on_change = {},
                                     const std::stop_token& stop = {});
 
- private:
-  using Encoded = std::pair<EncodedMesh, EncodedMesh>;
+  /// Steps 1 to 3 of Match: returns the job as it was accepted. It goes on when
+  /// nobody watches it.
+  absl::StatusOr<v1::Job> Submit(const MatchRequest& request,
+                                 const std::stop_token& stop = {});
 
-  absl::Status UploadMissing(const Encoded& meshes, std::uint64_t chunk_bytes,
-                             const std::stop_token& stop);
+  /// Uploads a mesh so that jobs need not bring it; true when the server had it
+  /// already.
+  absl::StatusOr<bool> UploadMesh(const TriangleMesh& mesh, v1::Digest* digest,
+                                  const std::stop_token& stop = {});
+
+  /// Returns the job once it has ended, however it ended.
+  absl::StatusOr<v1::Job> Watch(const std::string& name,
+                                const JobCallback& on_change = {},
+                                const std::stop_token& stop = {});
+
+  absl::StatusOr<v1::Job> GetJob(const std::string& name,
+                                 const std::stop_token& stop = {});
+  absl::StatusOr<std::vector<v1::Job>> ListJobs(
+      const JobFilter& filter, const std::stop_token& stop = {});
+  absl::StatusOr<v1::Job> CancelJob(const std::string& name,
+                                    const std::stop_token& stop = {});
+  absl::Status DeleteJob(const std::string& name,
+                         const std::stop_token& stop = {});
+
+  /// Returns the map of a job that succeeded, and those of `parts` that its
+  /// result has. DATA_LOSS: they arrived damaged.
+  absl::StatusOr<MatchResult> Fetch(const v1::Job& job,
+                                    const std::vector<v1::ResultPart>& parts,
+                                    const std::stop_token& stop = {});
+
+ private:
+  struct DownloadedPart {
+    std::string bytes;
+    PairSize size;
+  };
+
+  absl::StatusOr<v1::Job> Create(const MatchRequest& request,
+                                 v1::DisconnectPolicy policy,
+                                 const std::stop_token& stop);
   absl::Status Upload(const std::string& bytes, std::uint64_t chunk_bytes,
                       const std::stop_token& stop);
   // Bytes of the mesh that the server has; nullopt when it has them all.
@@ -108,18 +145,15 @@ class IsomatchClient {
   absl::Status SendFrom(std::uint64_t offset, const std::string& bytes,
                         const v1::Digest& digest, std::uint64_t chunk_bytes,
                         const std::stop_token& stop);
-  absl::StatusOr<v1::Job> CreateJob(const v1::CreateJobRequest& request,
-                                    const std::stop_token& stop);
-  absl::StatusOr<v1::Job> WatchToEnd(const v1::Job& created,
-                                     const JobCallback& on_change,
-                                     const std::stop_token& stop);
-  absl::Status CancelJob(const std::string& name);
-  absl::StatusOr<MatchResult> Fetch(const MatchRequest& request,
-                                    const v1::Job& job,
-                                    const std::stop_token& stop);
-  absl::StatusOr<std::string> Download(const std::string& name,
-                                       v1::ResultPart part,
-                                       const std::stop_token& stop);
+  absl::StatusOr<v1::Job> SendCreateJob(const v1::CreateJobRequest& request,
+                                        const std::stop_token& stop);
+  // As Watch; `stop` cancels the job too.
+  absl::StatusOr<v1::Job> WatchOrCancel(const std::string& name,
+                                        const JobCallback& on_change,
+                                        const std::stop_token& stop);
+  absl::StatusOr<DownloadedPart> Download(const std::string& name,
+                                          v1::ResultPart part,
+                                          const std::stop_token& stop);
 
   std::unique_ptr<v1::CorrespondenceService::Stub> stub_;
 };

@@ -1,22 +1,16 @@
-#include <cstdint>
-#include <cstdlib>
 #include <memory>
 #include <optional>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "absl/strings/str_cat.h"
-#include "absl/strings/str_format.h"
-#include "client/command_support.h"
 #include "client/commands.h"
-#include "client/connection.h"
 #include "client/connection_flags.h"
 #include "client/isomatch_client.h"
-#include "client/map_file.h"
+#include "client/job_flags.h"
 #include "client/match_outputs.h"
 #include "client/progress_display.h"
+#include "client/remote_server.h"
 #include "core/base/status_macros.h"
 #include "server/server.h"
 #include "server/server_config.h"
@@ -56,92 +50,42 @@ Further files, one line for each vertex of X:
 --functional-map has the eigenvalues of both meshes and, by rows, the matrix
 that carries eigenfunctions of Y (columns) to X (rows).)";
 
-// Below it a second map is nearly as good as the chosen one.
-constexpr double kLowSymmetryConfidence = 0.2;
-
 struct Arguments {
   std::string x;
   std::string y;
-  ConnectionFlags connection;
   std::string landmarks;
-  std::string profile = "default";
-  std::uint64_t random_seed = 1;
-  std::uint32_t threads = 0;
-  std::optional<std::uint32_t> solved_vertices;
-  std::int32_t priority = 0;
-  bool landmarks_exact = false;
+  ConnectionFlags connection;
+  JobFlags job;
   MatchOutputs outputs;
   bool no_progress = false;
 };
-
-absl::StatusOr<MatchRequest> MakeRequest(const Arguments& arguments,
-                                         MeshFacts* facts) {
-  MatchRequest request;
-  ISOMATCH_ASSIGN_OR_RETURN(request.mesh_x,
-                            LoadMesh(arguments.x, "X", &facts->warnings));
-  ISOMATCH_ASSIGN_OR_RETURN(request.mesh_y,
-                            LoadMesh(arguments.y, "Y", &facts->warnings));
-  if (NeedColors(arguments.outputs)) {
-    ISOMATCH_ASSIGN_OR_RETURN(
-        facts->colors_y,
-        ReadVertexColors(arguments.y, request.mesh_y.num_vertices()));
-  }
-  if (!arguments.landmarks.empty()) {
-    ISOMATCH_ASSIGN_OR_RETURN(
-        request.landmarks,
-        ReadLandmarks(arguments.landmarks, request.mesh_x.num_vertices(),
-                      request.mesh_y.num_vertices()));
-  }
-  request.profile =
-      arguments.profile == "paper" ? v1::PROFILE_PAPER : v1::PROFILE_DEFAULT;
-  request.random_seed = arguments.random_seed;
-  request.threads = arguments.threads;
-  request.solved_vertices = arguments.solved_vertices;
-  request.priority = arguments.priority;
-  request.landmarks_exact = arguments.landmarks_exact;
-  request.parts = PartsFor(arguments.outputs);
-  return request;
-}
 
 absl::StatusOr<std::unique_ptr<Server>> StartEmbedded(
     const Arguments& arguments) {
   ServerConfig config;
   config.listen.clear();
-  config.threads_per_job = static_cast<int>(arguments.threads);
+  config.threads_per_job = static_cast<int>(arguments.job.threads);
   return Server::Create(config);
 }
 
 absl::StatusOr<MatchResult> RunMatch(
     const std::shared_ptr<grpc::Channel>& channel, const MatchRequest& request,
     const Arguments& arguments, const Terminal& terminal) {
-  const ProgressStyle style = arguments.no_progress     ? ProgressStyle::kNone
-                              : terminal.is_interactive ? ProgressStyle::kBar
-                                                        : ProgressStyle::kLines;
-  ProgressDisplay display(terminal.err, style);
+  ProgressDisplay display(
+      terminal.err,
+      ProgressStyleFor(terminal.is_interactive, arguments.no_progress));
   return IsomatchClient(channel).Match(
       request, [&](const v1::Job& job) { display.Show(job); }, terminal.stop);
 }
 
 absl::StatusOr<MatchResult> RunRemote(const MatchRequest& request,
-                                      const ConnectionSecurity& security,
+                                      const RemoteServer& server,
                                       const Arguments& arguments,
                                       const Terminal& terminal) {
-  const std::string& server = arguments.connection.server;
   absl::StatusOr<MatchResult> result =
-      RunMatch(ConnectTo(server, security), request, arguments, terminal);
+      RunMatch(server.channel(), request, arguments, terminal);
   if (result.ok()) return result;
-  const absl::Status& status = result.status();
-  switch (status.code()) {
-    case absl::StatusCode::kUnavailable:
-      return absl::UnavailableError(
-          absl::StrCat("--server ", server, ": ", status.message()));
-    case absl::StatusCode::kUnauthenticated:
-      return absl::UnauthenticatedError(
-          absl::StrCat("--server ", server, ": ", status.message(),
-                       ", expected --api-key-file or ISOMATCH_API_KEY"));
-    default:
-      return result;
-  }
+  return server.Explain(result.status());
 }
 
 absl::StatusOr<MatchResult> RunEmbedded(const MatchRequest& request,
@@ -152,96 +96,32 @@ absl::StatusOr<MatchResult> RunEmbedded(const MatchRequest& request,
   return RunMatch(server->InProcessChannel(), request, arguments, terminal);
 }
 
-// What the user should know about a result.
-std::vector<std::string> WarningsOf(const v1::ResultInfo& info) {
-  std::vector<std::string> warnings(info.warnings().begin(),
-                                    info.warnings().end());
-  if (info.alternatives_size() > 0 &&
-      info.symmetry_confidence() < kLowSymmetryConfidence) {
-    warnings.push_back(absl::StrFormat(
-        "the map may be a symmetric image: another one is nearly as good "
-        "(symmetry confidence %.2f of 1), see --alternative",
-        info.symmetry_confidence()));
-  }
-  return warnings;
-}
-
 absl::Status Run(const Arguments& arguments, const Terminal& terminal) {
   ISOMATCH_RETURN_IF_ERROR(CheckOutputs(arguments.outputs));
-  MeshFacts facts;
-  ConnectionSecurity security;
-  const bool is_embedded = arguments.connection.server.empty();
-  if (!is_embedded) {
+  std::optional<RemoteServer> server;
+  if (!arguments.connection.server.empty()) {
     ISOMATCH_ASSIGN_OR_RETURN(
-        security,
-        LoadSecurity(arguments.connection, std::getenv("ISOMATCH_API_KEY")));
-    Warn(SecurityWarnings(arguments.connection, security), terminal);
+        server, RemoteServer::Open(arguments.connection, terminal));
   }
-  ISOMATCH_ASSIGN_OR_RETURN(const MatchRequest request,
-                            MakeRequest(arguments, &facts));
+  MatchRequest request;
+  MeshFacts facts = {&request.mesh_x, &request.mesh_y};
+  ISOMATCH_RETURN_IF_ERROR(ReadInputs(arguments.x, arguments.y,
+                                      arguments.landmarks, &request,
+                                      &facts.warnings));
+  if (NeedColors(arguments.outputs)) {
+    ISOMATCH_ASSIGN_OR_RETURN(
+        facts.colors_y,
+        ReadVertexColors(arguments.y, request.mesh_y.num_vertices()));
+  }
+  SetJobFlags(arguments.job, &request);
+  request.parts = PartsFor(arguments.outputs);
   Warn(facts.warnings, terminal);
   ISOMATCH_ASSIGN_OR_RETURN(
       const MatchResult result,
-      is_embedded ? RunEmbedded(request, arguments, terminal)
-                  : RunRemote(request, security, arguments, terminal));
-  Warn(WarningsOf(result.info), terminal);
-  return WriteOutputs(arguments.outputs, request, result, facts, terminal);
-}
-
-void AddInputs(CLI::App* command, Arguments* arguments) {
-  command->add_option("X", arguments->x, "Mesh: .off, .obj, .ply or .stl")
-      ->required();
-  command->add_option("Y", arguments->y, "Mesh: .off, .obj, .ply or .stl")
-      ->required();
-  command->add_option("--landmarks", arguments->landmarks,
-                      "File of known matches, lines `x y`");
-  command->add_flag("--landmarks-exact", arguments->landmarks_exact,
-                    "Keep every landmark, even one that the rest contradicts");
-}
-
-void AddOutputs(CLI::App* command, MatchOutputs* outputs) {
-  command
-      ->add_option("-o,--output", outputs->map,
-                   "MAP to write: .txt, .npy, .json or .ply; - is "
-                   "standard output")
-      ->capture_default_str();
-  command->add_option("--precise", outputs->precise,
-                      "File of places between the vertices of Y");
-  command->add_option("--confidence", outputs->confidence,
-                      "File of how far to trust each line of MAP, 0 to 1");
-  command->add_option("--alternative", outputs->alternative,
-                      "MAP of the runner-up, as a rule a symmetric image");
-  command->add_option("--functional-map", outputs->functional_map,
-                      "JSON file of the map between eigenfunctions");
-  command->add_option("--report", outputs->report,
-                      "JSON file about the run: times, memory, quality");
-}
-
-// How and where the work is done.
-void AddRun(CLI::App* command, Arguments* arguments) {
-  AddConnectionFlags(command, &arguments->connection);
-  command
-      ->add_option("--priority", arguments->priority,
-                   "With --server: jobs of a higher one start first")
-      ->check(CLI::Range(-100, 100))
-      ->capture_default_str();
-  command
-      ->add_option("--profile", arguments->profile,
-                   "default: what measured best; paper: as published")
-      ->check(CLI::IsMember({"default", "paper"}))
-      ->capture_default_str();
-  command
-      ->add_option("--random-seed", arguments->random_seed,
-                   "The same seed gives the same map")
-      ->capture_default_str();
-  command->add_option("--solved-vertices", arguments->solved_vertices,
-                      "Decimate larger meshes to about as many and lift the "
-                      "map; 0 never does, not given: as the profile has it");
-  command
-      ->add_option("--threads", arguments->threads,
-                   "0: all cores, or the server's share")
-      ->check(CLI::Range(0, 1024))
-      ->capture_default_str();
+      server ? RunRemote(request, *server, arguments, terminal)
+             : RunEmbedded(request, arguments, terminal));
+  Warn(ResultWarnings(result.info), terminal);
+  return WriteOutputs(arguments.outputs, facts, result, terminal);
 }
 
 }  // namespace
@@ -250,9 +130,10 @@ Command AddMatchCommand(CLI::App& app) {
   CLI::App* command = app.add_subcommand(
       "match", "Finds for every vertex of mesh X its place on mesh Y.");
   const auto arguments = std::make_shared<Arguments>();
-  AddInputs(command, arguments.get());
-  AddOutputs(command, &arguments->outputs);
-  AddRun(command, arguments.get());
+  AddPairOptions(command, &arguments->x, &arguments->y, &arguments->landmarks);
+  AddMatchOutputs(command, &arguments->outputs);
+  AddConnectionFlags(command, &arguments->connection, ServerUse::kOptional);
+  AddJobFlags(command, &arguments->job);
   command->add_flag("--no-progress", arguments->no_progress,
                     "Say nothing on standard error but warnings and errors");
   command->footer(kFooter);

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "client/map_file.h"
 #include "client/map_ply.h"
 #include "client/match_report.h"
@@ -18,6 +19,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
+const std::string kNoFile;
+
 struct Output {
   const char* option;
   const std::string& path;
@@ -26,9 +29,9 @@ struct Output {
 /// Those that are files, the map first.
 std::vector<Output> Files(const MatchOutputs& outputs) {
   std::vector<Output> files;
-  if (outputs.map != "-") files.push_back({"--output", outputs.map});
   for (const Output& output :
-       {Output{"--report", outputs.report},
+       {Output{"--output", outputs.map == "-" ? kNoFile : outputs.map},
+        Output{"--report", outputs.report},
         Output{"--precise", outputs.precise},
         Output{"--confidence", outputs.confidence},
         Output{"--alternative", outputs.alternative},
@@ -47,51 +50,43 @@ std::string Identity(const std::string& path) {
   return error ? path : canonical.string();
 }
 
-/// What maps of one result are made files from.
-struct MapContext {
-  const MatchRequest& request;
-  const MatchResult& result;
-  const MeshFacts& facts;
-};
-
+/// The bytes of a map's file. `confidence` is empty when it is not known.
 std::string MapBytes(const std::string& path, const VertexMap& y_from_x,
-                     const MapContext& context) {
+                     absl::Span<const float> confidence, const MeshFacts& facts,
+                     const v1::ResultInfo& info) {
   const MapFormat format = MapFormatOf(path);
-  const TriangleMesh& mesh_y = context.request.mesh_y;
   if (format != MapFormat::kPly) {
-    return FormatMap(y_from_x, mesh_y.num_vertices(), format);
+    return FormatMap(y_from_x, info.mesh_y().vertices(), format);
   }
-  const Colors colors = context.facts.colors_y
-                            ? *context.facts.colors_y
-                            : PositionColors(mesh_y.positions);
-  MapPicture picture = {context.request.mesh_x, mesh_y, y_from_x, colors, {}};
-  if (context.result.confidence)
-    picture.confidence = *context.result.confidence;
-  return FormatMapPly(picture);
+  const Colors colors = facts.colors_y
+                            ? *facts.colors_y
+                            : PositionColors(facts.mesh_y->positions);
+  return FormatMapPly(
+      {*facts.mesh_x, *facts.mesh_y, y_from_x, colors, confidence});
 }
 
-absl::Status WriteMap(const std::string& path, const MapContext& context,
-                      const Terminal& terminal) {
-  const VertexMap& y_from_x = context.result.y_from_x;
+absl::Status WriteMap(const std::string& path, const MeshFacts& facts,
+                      const MatchResult& result, const Terminal& terminal) {
+  if (path.empty()) return absl::OkStatus();
   if (path != "-") {
-    return WriteFileAtomically(path, MapBytes(path, y_from_x, context));
+    return WriteFileAtomically(
+        path, MapBytes(path, result.y_from_x,
+                       result.confidence.value_or(std::vector<float>()), facts,
+                       result.info));
   }
-  terminal.out << FormatMap(y_from_x) << std::flush;
+  terminal.out << FormatMap(result.y_from_x) << std::flush;
   return terminal.out ? absl::OkStatus()
                       : absl::UnavailableError(
                             "the map cannot be written to standard output");
 }
 
-absl::Status WriteAlternative(const std::string& path,
-                              const MapContext& context,
+absl::Status WriteAlternative(const std::string& path, const MeshFacts& facts,
+                              const MatchResult& result,
                               const Terminal& terminal) {
   if (path.empty()) return absl::OkStatus();
-  if (const auto& alternative = context.result.alternative) {
-    // How far to trust it is not known.
-    MatchResult without_confidence;
+  if (result.alternative) {
     return WriteFileAtomically(
-        path, MapBytes(path, *alternative,
-                       {context.request, without_confidence, context.facts}));
+        path, MapBytes(path, *result.alternative, {}, facts, result.info));
   }
   terminal.err << "isomatch: warning: --alternative '" << path
                << "' is not written: no other map came near this one"
@@ -111,11 +106,49 @@ absl::Status WritePart(const Output& output, const Part& part,
                    "isomatch-server"));
 }
 
+// Below it a second map is nearly as good as the chosen one.
+constexpr double kLowSymmetryConfidence = 0.2;
+
 }  // namespace
+
+void AddMatchOutputs(CLI::App* command, MatchOutputs* outputs) {
+  command
+      ->add_option("-o,--output", outputs->map,
+                   "MAP to write: .txt, .npy, .json or .ply; - is "
+                   "standard output")
+      ->capture_default_str();
+  command->add_option("--precise", outputs->precise,
+                      "File of places between the vertices of Y");
+  command->add_option("--confidence", outputs->confidence,
+                      "File of how far to trust each line of MAP, 0 to 1");
+  command->add_option("--alternative", outputs->alternative,
+                      "MAP of the runner-up, as a rule a symmetric image");
+  command->add_option("--functional-map", outputs->functional_map,
+                      "JSON file of the map between eigenfunctions");
+  command->add_option("--report", outputs->report,
+                      "JSON file about the run: times, memory, quality");
+}
 
 bool NeedColors(const MatchOutputs& outputs) {
   return MapFormatOf(outputs.map) == MapFormat::kPly ||
          MapFormatOf(outputs.alternative) == MapFormat::kPly;
+}
+
+bool HasFiles(const MatchOutputs& outputs) {
+  return outputs.map == "-" || !Files(outputs).empty();
+}
+
+std::vector<std::string> ResultWarnings(const v1::ResultInfo& info) {
+  std::vector<std::string> warnings(info.warnings().begin(),
+                                    info.warnings().end());
+  if (info.alternatives_size() > 0 &&
+      info.symmetry_confidence() < kLowSymmetryConfidence) {
+    warnings.push_back(absl::StrFormat(
+        "the map may be a symmetric image: another one is nearly as good "
+        "(symmetry confidence %.2f of 1), see --alternative",
+        info.symmetry_confidence()));
+  }
+  return warnings;
 }
 
 absl::Status CheckOutputs(const MatchOutputs& outputs) {
@@ -145,22 +178,19 @@ std::vector<v1::ResultPart> PartsFor(const MatchOutputs& outputs) {
   return parts;
 }
 
-absl::Status WriteOutputs(const MatchOutputs& outputs,
-                          const MatchRequest& request,
-                          const MatchResult& result, const MeshFacts& facts,
-                          const Terminal& terminal) {
-  const MapContext context = {request, result, facts};
-  ISOMATCH_RETURN_IF_ERROR(WriteMap(outputs.map, context, terminal));
+absl::Status WriteOutputs(const MatchOutputs& outputs, const MeshFacts& facts,
+                          const MatchResult& result, const Terminal& terminal) {
+  ISOMATCH_RETURN_IF_ERROR(WriteMap(outputs.map, facts, result, terminal));
   if (!outputs.report.empty()) {
     ISOMATCH_RETURN_IF_ERROR(WriteFileAtomically(
-        outputs.report, FormatReport(request, result, facts.warnings)));
+        outputs.report, FormatReport(result, facts.warnings)));
   }
   ISOMATCH_RETURN_IF_ERROR(
-      WriteAlternative(outputs.alternative, context, terminal));
+      WriteAlternative(outputs.alternative, facts, result, terminal));
   ISOMATCH_RETURN_IF_ERROR(
       WritePart({"--precise", outputs.precise}, result.precise,
                 [&](const std::vector<PrecisePoint>& points) {
-                  return FormatPreciseMap(points, request.mesh_y);
+                  return FormatPreciseMap(points, *facts.mesh_y);
                 }));
   ISOMATCH_RETURN_IF_ERROR(WritePart({"--confidence", outputs.confidence},
                                      result.confidence, FormatConfidence));

@@ -4,6 +4,8 @@
 #include <string>
 #include <vector>
 
+#include <CLI/CLI.hpp>
+
 #include "absl/status/status.h"
 #include "client/command_line.h"
 #include "client/isomatch_client.h"
@@ -23,16 +25,29 @@ struct MatchOutputs {
   std::string functional_map;
 };
 
+/// Adds an option for each to `command`, which `outputs` outlives.
+void AddMatchOutputs(CLI::App* command, MatchOutputs* outputs);
+
+/// True when anything is to be written.
+bool HasFiles(const MatchOutputs& outputs);
+
+/// What the user should know about a result.
+std::vector<std::string> ResultWarnings(const v1::ResultInfo& info);
+
 /// True when one of the maps is to be in colours.
 bool NeedColors(const MatchOutputs& outputs);
 
-/// What is known of the meshes' files beside the meshes.
+/// What is known of the files of the meshes; both outlive it.
 struct MeshFacts {
-  /// Of reading them, for the report.
-  std::vector<std::string> warnings;
+  /// Asked for by maps in colours only.
+  const TriangleMesh* mesh_x = nullptr;
+  /// By these and --precise.
+  const TriangleMesh* mesh_y = nullptr;
   /// Of the vertices of Y, for maps in colours; without them their places
   /// decide.
-  std::optional<Colors> colors_y;
+  std::optional<Colors> colors_y = {};
+  /// Of reading the meshes, for the report.
+  std::vector<std::string> warnings = {};
 };
 
 /// OK when all of them can be expected to be written, and no two are one file.
@@ -44,9 +59,7 @@ std::vector<v1::ResultPart> PartsFor(const MatchOutputs& outputs);
 
 /// Writes them all, the map first. When the result has no alternative, there is
 /// a warning on terminal.err in place of its file.
-absl::Status WriteOutputs(const MatchOutputs& outputs,
-                          const MatchRequest& request,
-                          const MatchResult& result, const MeshFacts& facts,
-                          const Terminal& terminal);
+absl::Status WriteOutputs(const MatchOutputs& outputs, const MeshFacts& facts,
+                          const MatchResult& result, const Terminal& terminal);
 
 }  // namespace isomatch

@@ -9,10 +9,10 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-Json MeshJson(const TriangleMesh& mesh, const v1::MeshSummary& summary) {
-  return {{"vertices", mesh.num_vertices()},
-          {"faces", mesh.num_faces()},
-          {"area", summary.area()}};
+Json MeshJson(const v1::MeshSummary& mesh) {
+  return {{"vertices", mesh.vertices()},
+          {"faces", mesh.faces()},
+          {"area", mesh.area()}};
 }
 
 Json StageSeconds(const v1::ResultInfo& info) {
@@ -78,12 +78,12 @@ Json LandmarksJson(const v1::ResultInfo& info) {
 
 }  // namespace
 
-std::string FormatReport(const MatchRequest& request, const MatchResult& result,
+std::string FormatReport(const MatchResult& result,
                          const std::vector<std::string>& warnings) {
   const v1::ResultInfo& info = result.info;
   const bool is_paper = info.profile() == v1::PROFILE_PAPER;
-  const Json report = {{"mesh_x", MeshJson(request.mesh_x, info.mesh_x())},
-                       {"mesh_y", MeshJson(request.mesh_y, info.mesh_y())},
+  const Json report = {{"mesh_x", MeshJson(info.mesh_x())},
+                       {"mesh_y", MeshJson(info.mesh_y())},
                        {"landmarks", LandmarksJson(info)},
                        {"profile", is_paper ? "paper" : "default"},
                        {"random_seed", info.random_seed()},

@@ -9,7 +9,7 @@ namespace isomatch {
 
 /// Returns the text of REPORT.json; client/README.md lists its fields.
 /// `warnings` are those of reading the files.
-std::string FormatReport(const MatchRequest& request, const MatchResult& result,
+std::string FormatReport(const MatchResult& result,
                          const std::vector<std::string>& warnings);
 
 }  // namespace isomatch

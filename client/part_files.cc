@@ -1,12 +1,17 @@
 #include "client/part_files.h"
 
+#include <cstddef>
 #include <vector>
 
 #include <nlohmann/json.hpp>
 
+#include "absl/strings/ascii.h"
+#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
 #include "client/face_finder.h"
 #include "client/text_file.h"
+#include "core/base/status_macros.h"
 
 namespace isomatch {
 namespace {
@@ -42,6 +47,34 @@ std::string FormatConfidence(absl::Span<const float> confidence) {
     text += '\n';
   }
   return text;
+}
+
+absl::StatusOr<std::vector<float>> ReadConfidence(const std::string& path,
+                                                  std::int64_t vertices_x) {
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const std::string text,
+      ReadFile(path, "confidence: one number from 0 to 1 a line"));
+  std::vector<float> confidence;
+  int line = 0;
+  for (absl::string_view row : absl::StrSplit(text, '\n')) {
+    ++line;
+    row = absl::StripAsciiWhitespace(row.substr(0, row.find('#')));
+    if (row.empty()) continue;
+    float value = 0;
+    // The comparison is false for NaN.
+    if (!absl::SimpleAtof(row, &value) || !(0 <= value && value <= 1)) {
+      return LineError(path, line,
+                       absl::StrCat("found '", row.substr(0, 40),
+                                    "', expected one number from 0 to 1"));
+    }
+    confidence.push_back(value);
+  }
+  if (static_cast<std::int64_t>(confidence.size()) == vertices_x) {
+    return confidence;
+  }
+  return absl::InvalidArgumentError(
+      absl::StrCat("'", path, "': ", confidence.size(), " numbers, expected ",
+                   vertices_x, ", one for each vertex of X"));
 }
 
 std::string FormatFunctionalMap(const FunctionalMap& map) {

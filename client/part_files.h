@@ -1,7 +1,10 @@
 #pragma once
 
+#include <cstdint>
 #include <string>
+#include <vector>
 
+#include "absl/status/statusor.h"
 #include "absl/types/span.h"
 #include "client/result_parts.h"
 #include "core/mesh/triangle_mesh.h"
@@ -9,7 +12,7 @@
 
 namespace isomatch {
 
-// Texts of the files that --precise, --confidence and --functional-map write;
+// The files that --precise, --confidence and --functional-map write, as text;
 // client/README.md tells what they look like. Numbers read back the same.
 
 /// Lines `FACE W0 W1 W2`: the 0-based face of `mesh_y`, and the weights of its
@@ -19,6 +22,12 @@ std::string FormatPreciseMap(absl::Span<const PrecisePoint> points,
 
 /// One number a line.
 std::string FormatConfidence(absl::Span<const float> confidence);
+
+/// Returns the numbers of a --confidence file; empty lines and what follows a #
+/// are left out. INVALID_ARGUMENT, naming file and line, for anything but one
+/// number from 0 to 1 a line, `vertices_x` of them; NOT_FOUND.
+absl::StatusOr<std::vector<float>> ReadConfidence(const std::string& path,
+                                                  std::int64_t vertices_x);
 
 /// JSON: `eigenvalues_x`, `eigenvalues_y`, `matrix` as an array of rows.
 std::string FormatFunctionalMap(const FunctionalMap& map);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <ostream>
 #include <string>
 
@@ -18,10 +19,17 @@ enum class ProgressStyle {
   kBar,
 };
 
+/// What suits a standard error that is a terminal or not; `quiet` says nothing.
+ProgressStyle ProgressStyleFor(bool is_interactive, bool quiet);
+
 /// "first insertion" for STAGE_FIRST_INSERTION.
 std::string StageLabel(v1::Stage stage);
 
-/// Tells the user how far a job is. Not thread-safe.
+/// "45 s", "3 min", "2 h": what is left of something, for people.
+std::string FormatLeft(absl::Duration left);
+
+/// Tells the user how far a job is: fraction, time left, stage. Not
+/// thread-safe.
 class ProgressDisplay {
  public:
   /// Keeps a reference to `out`.
@@ -40,11 +48,18 @@ class ProgressDisplay {
  private:
   void Clear();
 
+  // What is left at the job's speed since it was first seen running; nullopt
+  // while that says nothing.
+  std::optional<absl::Duration> Left(const v1::Job& job, absl::Time now);
+
   std::ostream& out_;
   ProgressStyle style_;
   std::string last_label_;
   absl::Time last_line_ = absl::InfinitePast();
   bool drawn_ = false;
+  // When the job was first seen running, and how far it was.
+  absl::Time first_seen_ = absl::InfiniteFuture();
+  double first_fraction_ = 0;
 };
 
 }  // namespace isomatch

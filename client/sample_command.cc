@@ -13,10 +13,10 @@
 #include "client/mesh_file.h"
 #include "client/obj_file.h"
 #include "client/ply_file.h"
-#include "client/png_file.h"
 #include "client/sample_animal.h"
 #include "client/sample_texture.h"
 #include "client/text_file.h"
+#include "client/viewer/image.h"
 #include "core/base/status_macros.h"
 
 namespace isomatch {
@@ -122,7 +122,7 @@ absl::Status WriteTexturedObj(const std::string& path, const Sample& sample,
   const fs::path png = fs::path(path).replace_extension(".png");
   const MeshTexture texture = SampleTexture(sample, library.string());
   ISOMATCH_ASSIGN_OR_RETURN(const std::string picture,
-                            FormatPng(SamplePicture(pattern)));
+                            EncodePng(SamplePicture(pattern)));
   ISOMATCH_RETURN_IF_ERROR(WriteFileAtomically(png.string(), picture));
   ISOMATCH_RETURN_IF_ERROR(WriteFileAtomically(
       library.string(), SampleMaterial(png.filename().string())));

@@ -2,7 +2,6 @@
 
 #include <cmath>
 #include <cstddef>
-#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "client/animal_body.h"
@@ -70,18 +69,13 @@ MeshTexture SampleTexture(const Sample& sample, const std::string& library) {
   return texture;
 }
 
-Picture SamplePicture(SamplePattern pattern) {
-  Picture picture;
-  picture.width = kWidth;
-  picture.height = kHeight;
-  picture.pixels.reserve(std::size_t{3} * kWidth * kHeight);
+Image SamplePicture(SamplePattern pattern) {
+  Image picture(kWidth, kHeight, kGrey);
   for (int row = 0; row < kHeight; ++row) {
     for (int column = 0; column < kWidth; ++column) {
       const Eigen::RowVector2d place((column + 0.5) / kWidth,
                                      1 - (row + 0.5) / kHeight);
-      for (const std::uint8_t byte : ColorBytes(PatternColor(pattern, place))) {
-        picture.pixels.push_back(byte);
-      }
+      picture.At(column, row) = ColorBytes(PatternColor(pattern, place));
     }
   }
   return picture;

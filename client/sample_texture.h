@@ -4,9 +4,9 @@
 
 #include "absl/status/statusor.h"
 #include "client/obj_file.h"
-#include "client/png_file.h"
 #include "client/sample_animal.h"
 #include "client/vertex_colors.h"
+#include "client/viewer/image.h"
 
 namespace isomatch {
 
@@ -30,7 +30,7 @@ MeshTexture SampleTexture(const Sample& sample, const std::string& library);
 Eigen::RowVector2d SamplePlace(const Eigen::RowVector3d& rest, bool is_left);
 
 /// The pattern, 1024 x 512.
-Picture SamplePicture(SamplePattern pattern);
+Image SamplePicture(SamplePattern pattern);
 
 /// The pattern's colour at each vertex.
 Colors SampleColors(const Sample& sample, SamplePattern pattern);

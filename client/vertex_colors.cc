@@ -194,15 +194,13 @@ absl::StatusOr<std::optional<Colors>> FromOff(const std::string& path,
 }  // namespace
 
 Colors PositionColors(const Positions& positions) {
-  const Eigen::RowVector3d low = positions.colwise().minCoeff();
-  const Eigen::RowVector3d extent = positions.colwise().maxCoeff() - low;
+  const std::vector<Rgb> bytes = PlaceColours(positions);
   Colors colors(positions.rows(), 3);
-  for (int axis = 0; axis < 3; ++axis) {
-    if (!(extent[axis] > 0)) {
-      colors.col(axis).setConstant(kNoColor[axis]);
-      continue;
+  for (std::size_t v = 0; v < bytes.size(); ++v) {
+    for (std::size_t channel = 0; channel < 3; ++channel) {
+      colors(static_cast<Eigen::Index>(v), static_cast<Eigen::Index>(channel)) =
+          bytes[v][channel] / kByteScale;
     }
-    colors.col(axis) = (positions.col(axis).array() - low[axis]) / extent[axis];
   }
   return colors;
 }
@@ -217,8 +215,8 @@ absl::StatusOr<std::optional<Colors>> ReadVertexColors(const std::string& path,
   return FromObj(path, bytes, vertices);
 }
 
-std::array<std::uint8_t, 3> ColorBytes(const Eigen::RowVector3d& color) {
-  std::array<std::uint8_t, 3> bytes;
+Rgb ColorBytes(const Eigen::RowVector3d& color) {
+  Rgb bytes;
   for (std::size_t channel = 0; channel < 3; ++channel) {
     const double value = color[static_cast<Eigen::Index>(channel)];
     bytes[channel] = static_cast<std::uint8_t>(

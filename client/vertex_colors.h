@@ -1,7 +1,5 @@
 #pragma once
 
-#include <array>
-#include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
@@ -10,6 +8,7 @@
 
 #include "absl/status/statusor.h"
 #include "client/ply_file.h"
+#include "client/viewer/colours.h"
 #include "core/mesh/triangle_mesh.h"
 
 namespace isomatch {
@@ -17,12 +16,12 @@ namespace isomatch {
 /// n x 3: red, green and blue of each vertex, in [0, 1].
 using Colors = Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>;
 
-/// What stands for a vertex without a colour.
-inline const Eigen::RowVector3d kNoColor = {0.5, 0.5, 0.5};
+/// What stands for a vertex without a colour: kGrey.
+inline const Eigen::RowVector3d kNoColor =
+    Eigen::RowVector3d::Constant(kGrey[0] / 255.0);
 
-/// Returns colours that tell places apart: red, green and blue grow along x, y
-/// and z from one side of the bounding box to the other, so that left and right
-/// differ, front and back, top and bottom.
+/// Returns colours that tell places, and left from right, apart: those of
+/// `isomatch view` (client/viewer/colours.h).
 Colors PositionColors(const Positions& positions);
 
 /// Returns the colours that a mesh file has for its vertices: red, green, blue
@@ -37,7 +36,7 @@ absl::StatusOr<std::optional<Colors>> ReadVertexColors(const std::string& path,
                                                        VertexIndex vertices);
 
 /// The same as bytes, rounded.
-std::array<std::uint8_t, 3> ColorBytes(const Eigen::RowVector3d& color);
+Rgb ColorBytes(const Eigen::RowVector3d& color);
 
 /// Columns red, green and blue of a PLY file. They refer to `colors`.
 std::vector<PlyColumn> ColorColumns(const Colors& colors);

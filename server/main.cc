@@ -94,8 +94,8 @@ void GuardShutdown(const sigset_t& signals, absl::Duration drain) {
 }
 
 /// Returns the exit status: 0 when the server serves.
-int ReportHealth(const std::string& address, ProbeTransport transport) {
-  const absl::Status health = ProbeHealth(address, transport, kProbeTimeout);
+int ReportHealth(const std::string& address, const TlsFiles& tls) {
+  const absl::Status health = ProbeHealth(address, tls, kProbeTimeout);
   if (health.ok()) {
     std::cout << address << " SERVING\n";
     return 0;
@@ -133,9 +133,9 @@ int Main(int argc, char** argv) {
            config.log_format == "json" ? LogFormat::kJson : LogFormat::kText);
   RouteGrpcLog();
   if (command.health_address) {
-    return ReportHealth(*command.health_address, config.tls_cert.empty()
-                                                     ? ProbeTransport::kPlain
-                                                     : ProbeTransport::kTls);
+    return ReportHealth(
+        *command.health_address,
+        {config.tls_cert, config.tls_key, config.tls_client_ca});
   }
   return Serve(config);
 }

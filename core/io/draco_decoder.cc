@@ -1,9 +1,12 @@
 #include <algorithm>
+#include <array>
 #include <cassert>
 #include <cstddef>
+#include <cstdint>
 #include <exception>
 #include <memory>
 #include <new>
+#include <numeric>
 #include <utility>
 #include <vector>
 
@@ -284,6 +287,38 @@ Faces ReadFaces(const draco::Mesh& mesh) {
   return faces;
 }
 
+using Face = std::array<VertexIndex, 3>;
+
+// The face from the corner on that makes its vertices smallest as a sequence.
+Face Turned(VertexIndex a, VertexIndex b, VertexIndex c) {
+  return std::min({Face{a, b, c}, Face{b, c, a}, Face{c, a, b}});
+}
+
+// Turned and in lexicographic order: encoders may change both, and the method
+// sums over faces in their order. Every entry is below `end`. Time
+// O(m + end) where vertices have few faces.
+void SortFaces(VertexIndex end, Faces& faces) {
+  std::vector<std::uint32_t> place(static_cast<std::size_t>(end) + 1, 0);
+  for (Eigen::Index f = 0; f < faces.rows(); ++f) {
+    ++place[faces.row(f).minCoeff() + 1];
+  }
+  std::partial_sum(place.begin(), place.end(), place.begin());
+  std::vector<Face> sorted(faces.rows());
+  for (Eigen::Index f = 0; f < faces.rows(); ++f) {
+    const Face face = Turned(faces(f, 0), faces(f, 1), faces(f, 2));
+    sorted[place[face[0]]++] = face;
+  }
+  // By their first vertex they are; few have the same one.
+  for (auto begin = sorted.begin(); begin != sorted.end();) {
+    const auto next = sorted.begin() + place[begin->front()];
+    std::sort(begin, next);
+    begin = next;
+  }
+  for (Eigen::Index f = 0; f < faces.rows(); ++f) {
+    faces.row(f) << sorted[f][0], sorted[f][1], sorted[f][2];
+  }
+}
+
 absl::StatusOr<TriangleMesh> InDecodedOrder(const draco::Mesh& mesh,
                                             std::int64_t vertex_count) {
   if (vertex_count != 0 && vertex_count != mesh.num_points()) {
@@ -327,9 +362,12 @@ absl::StatusOr<TriangleMesh> DecodeUnguarded(absl::string_view bytes,
   ISOMATCH_ASSIGN_OR_RETURN(const std::unique_ptr<draco::Mesh> mesh,
                             DecodeBounded(bytes, limits));
   ISOMATCH_RETURN_IF_ERROR(CheckFaces(*mesh));
-  return order == VertexOrder::kIdAttribute
-             ? InIdOrder(*mesh, vertex_count, limits)
-             : InDecodedOrder(*mesh, vertex_count);
+  ISOMATCH_ASSIGN_OR_RETURN(TriangleMesh result,
+                            order == VertexOrder::kIdAttribute
+                                ? InIdOrder(*mesh, vertex_count, limits)
+                                : InDecodedOrder(*mesh, vertex_count));
+  SortFaces(result.num_vertices(), result.faces);
+  return result;
 }
 
 }  // namespace

@@ -27,6 +27,8 @@ struct DracoLimits {
 };
 
 /// Returns the mesh that `bytes` hold, its vertices numbered as `order` says.
+/// Faces keep their orientation and are sorted, each from its smallest vertex
+/// on: whichever encoder wrote it, a mesh is the same, and so is its map.
 ///
 /// Safe on hostile bytes: counts in the headers are compared with the limits
 /// and with the bytes that are there before anything is allocated for them.

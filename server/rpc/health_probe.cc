@@ -2,31 +2,41 @@
 
 #include <memory>
 #include <utility>
+#include <vector>
 
 #include <grpcpp/create_channel.h>
 #include <grpcpp/security/credentials.h>
+#include <grpcpp/security/tls_certificate_provider.h>
 #include <grpcpp/security/tls_certificate_verifier.h>
 #include <grpcpp/security/tls_credentials_options.h>
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "core/base/status_macros.h"
 #include "grpc/health/v1/health.grpc.pb.h"
 
 namespace isomatch {
 namespace {
 
-std::shared_ptr<grpc::ChannelCredentials> Credentials(
-    ProbeTransport transport) {
+absl::StatusOr<std::shared_ptr<grpc::ChannelCredentials>> Credentials(
+    const TlsFiles& files) {
   namespace tls = grpc::experimental;
-  if (transport == ProbeTransport::kPlain) {
-    return grpc::InsecureChannelCredentials();
-  }
+  if (files.certificate.empty()) return grpc::InsecureChannelCredentials();
+  ISOMATCH_ASSIGN_OR_RETURN(const TlsContent content, ReadTlsFiles(files));
+  const std::string& pem = content.identity_pem;
   tls::TlsChannelCredentialsOptions options;
   options.set_verify_server_certs(false);
   options.set_check_call_host(false);
   options.set_certificate_verifier(
       std::make_shared<tls::NoOpCertificateVerifier>());
+  // gRPC wants authorities even where it is not to ask them, and a container
+  // has none of its own.
+  options.set_certificate_provider(
+      std::make_shared<tls::StaticDataCertificateProvider>(
+          pem, std::vector<tls::IdentityKeyCertPair>{{pem, pem}}));
+  options.watch_root_certs();
+  options.watch_identity_key_cert_pairs();
   return tls::TlsCredentials(options);
 }
 
@@ -42,12 +52,13 @@ std::string ProbeAddress(const std::string& listen) {
   return listen;
 }
 
-absl::Status ProbeHealth(const std::string& address, ProbeTransport transport,
+absl::Status ProbeHealth(const std::string& address, const TlsFiles& tls,
                          absl::Duration timeout) {
+  ISOMATCH_ASSIGN_OR_RETURN(const auto credentials, Credentials(tls));
   grpc::ChannelArguments arguments;
   arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
   const auto stub = grpc::health::v1::Health::NewStub(
-      grpc::CreateCustomChannel(address, Credentials(transport), arguments));
+      grpc::CreateCustomChannel(address, credentials, arguments));
   grpc::ClientContext context;
   context.set_deadline(absl::ToChronoTime(absl::Now() + timeout));
   grpc::health::v1::HealthCheckResponse response;

@@ -4,6 +4,7 @@
 
 #include "absl/status/status.h"
 #include "absl/time/time.h"
+#include "server/rpc/tls_files.h"
 
 namespace isomatch {
 
@@ -11,14 +12,15 @@ namespace isomatch {
 /// ServerConfig::listen: the loopback address when it listens on all.
 std::string ProbeAddress(const std::string& listen);
 
-/// How the probed server talks. With TLS its certificate is not verified: the
-/// probe sends nothing secret and believes only "serving".
-enum class ProbeTransport { kPlain, kTls };
-
 /// OK when the server at `address`, HOST:PORT or unix:PATH, says within
-/// `timeout` that it serves. UNAVAILABLE when it says otherwise; else what the
-/// call failed with.
-absl::Status ProbeHealth(const std::string& address, ProbeTransport transport,
+/// `timeout` that it serves. UNAVAILABLE when it says otherwise; as
+/// ReadTlsFiles of `tls`, the server's own files; else what the call failed
+/// with.
+///
+/// With TLS the server's certificate is not verified: the probe sends nothing
+/// secret and believes only "serving". A server that wants certificates of its
+/// clients is shown its own.
+absl::Status ProbeHealth(const std::string& address, const TlsFiles& tls,
                          absl::Duration timeout);
 
 }  // namespace isomatch

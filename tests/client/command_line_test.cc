@@ -21,6 +21,7 @@ namespace {
 
 using testing::AllOf;
 using testing::HasSubstr;
+using testing::Not;
 
 class CommandLineTest : public testing::Test {
  protected:
@@ -151,6 +152,32 @@ TEST_F(CommandLineTest, InterruptedMatchExitsWith130AndWritesNothing) {
   const CommandOutcome outcome = Run({"match", a_, b_, "-o", map_});
   EXPECT_EQ(outcome.status, kExitInterrupted) << outcome.err;
   EXPECT_EQ(folder_.CountFiles(), 3);
+}
+
+TEST_F(CommandLineTest, AKilledBatchGoesOnWhereItWas) {
+  MakePair(1000, 900);
+  const std::string c = folder_.Path("c.off");
+  ASSERT_EQ(Run({"sample", "--pose", "C", "--vertices", "800", "-o", c}).status,
+            kExitSuccess);
+  const std::string list =
+      folder_.Write("list", "a b\na c\nb c\nb a\nc a\nc b\n");
+  const std::vector<std::string> command = {
+      "batch", list, "-o", folder_.Path("maps"), "--parallel", "1"};
+  {
+    ChildProcess batch(ISOMATCH_CLIENT_BINARY, command, folder_.Path("out"));
+    batch.ReadUntil("2 of 6 pairs");
+    batch.Signal(SIGKILL);
+    EXPECT_EQ(batch.ExitStatus(), -1);
+  }
+  // What the killed one has finished is kept, and the same as of one run.
+  const CommandOutcome outcome = Run(command);
+  EXPECT_EQ(outcome.status, kExitSuccess) << outcome.err;
+  EXPECT_THAT(outcome.out,
+              AllOf(HasSubstr("kept from before, 0 failed"),
+                    Not(HasSubstr(" 0 kept")), Not(HasSubstr(" 1 kept"))));
+  ASSERT_EQ(Run({"match", a_, b_, "-o", map_}).status, kExitSuccess);
+  EXPECT_EQ(*ReadFile(folder_.Path("maps/a__b.txt"), "a map"),
+            *ReadFile(map_, "a map"));
 }
 
 TEST_F(CommandLineTest, CtrlCDuringARunCancelsItOnTheServer) {

@@ -1,10 +1,6 @@
 #include "client/sample_texture.h"
 
-#include <png.h>
-
 #include <set>
-#include <string>
-#include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -14,48 +10,17 @@
 namespace isomatch {
 namespace {
 
-/// What libpng reads from the bytes.
-Picture Decoded(const std::string& bytes) {
-  png_image image = {};
-  image.version = PNG_IMAGE_VERSION;
-  EXPECT_NE(
-      png_image_begin_read_from_memory(&image, bytes.data(), bytes.size()), 0);
-  image.format = PNG_FORMAT_RGB;
-  Picture picture = {
-      static_cast<int>(image.width), static_cast<int>(image.height), {}};
-  picture.pixels.resize(PNG_IMAGE_SIZE(image));
-  EXPECT_NE(
-      png_image_finish_read(&image, nullptr, picture.pixels.data(), 0, nullptr),
-      0);
-  return picture;
-}
-
-TEST(PngFileTest, PixelsComeBack) {
-  Picture picture = {3, 2, {}};
-  for (int i = 0; i < 18; ++i) {
-    picture.pixels.push_back(static_cast<std::uint8_t>(14 * i));
-  }
-  const absl::StatusOr<std::string> png = FormatPng(picture);
-  ASSERT_THAT(png, IsOk());
-  const Picture again = Decoded(*png);
-  EXPECT_EQ(again.width, 3);
-  EXPECT_EQ(again.height, 2);
-  EXPECT_EQ(again.pixels, picture.pixels);
-}
-
 TEST(SampleTextureTest, LeftIsWarmAndRightIsCold) {
   for (const SamplePattern pattern :
        {SamplePattern::kChecker, SamplePattern::kStripes}) {
-    const Picture picture = SamplePicture(pattern);
-    ASSERT_EQ(picture.pixels.size(),
-              3u * static_cast<unsigned>(picture.width * picture.height));
-    std::set<std::vector<std::uint8_t>> colors;
-    for (std::size_t i = 0; i < picture.pixels.size(); i += 3) {
-      const bool is_left =
-          static_cast<int>(i / 3) % picture.width < picture.width / 2;
-      ASSERT_EQ(picture.pixels[i] > picture.pixels[i + 2], is_left);
-      colors.insert(
-          {picture.pixels[i], picture.pixels[i + 1], picture.pixels[i + 2]});
+    const Image picture = SamplePicture(pattern);
+    std::set<Rgb> colors;
+    for (int row = 0; row < picture.height; ++row) {
+      for (int column = 0; column < picture.width; ++column) {
+        const Rgb& color = picture.At(column, row);
+        ASSERT_EQ(color[0] > color[2], column < picture.width / 2);
+        colors.insert(color);
+      }
     }
     EXPECT_EQ(colors.size(), 4u);
   }
@@ -81,7 +46,7 @@ TEST(SampleTextureTest, FacesLieInTheHalfOfTheirSide) {
 TEST(SampleTextureTest, VerticesHaveTheColourOfThePicture) {
   const absl::StatusOr<Sample> sample = MakeSample({'A', 500, 1});
   ASSERT_THAT(sample, IsOk());
-  const Picture picture = SamplePicture(SamplePattern::kChecker);
+  const Image picture = SamplePicture(SamplePattern::kChecker);
   const Colors colors = SampleColors(*sample, SamplePattern::kChecker);
   int same = 0;
   for (VertexIndex v = 0; v < sample->mesh.num_vertices(); ++v) {
@@ -89,12 +54,7 @@ TEST(SampleTextureTest, VerticesHaveTheColourOfThePicture) {
         SamplePlace(sample->rest.row(v), sample->rest(v, 1) >= 0);
     const auto column = static_cast<int>(place.x() * picture.width);
     const auto row = static_cast<int>((1 - place.y()) * picture.height);
-    const std::size_t pixel =
-        3 * static_cast<std::size_t>(row * picture.width + column);
-    const auto bytes = ColorBytes(colors.row(v));
-    same += bytes[0] == picture.pixels[pixel] &&
-            bytes[1] == picture.pixels[pixel + 1] &&
-            bytes[2] == picture.pixels[pixel + 2];
+    same += ColorBytes(colors.row(v)) == picture.At(column, row);
   }
   // All but those within a pixel of a square's rim.
   EXPECT_GT(same, 480);

@@ -1,6 +1,7 @@
 #include "client/vertex_colors.h"
 
 #include <string>
+#include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -105,23 +106,14 @@ TEST_F(VertexColorsTest, HalfAColouringIsRefused) {
                HasSubstr("line 2: a vertex's colour is 'x'")));
 }
 
-TEST(PositionColorsTest, TellLeftFromRight) {
-  // Its own mirror image in z = 0.
-  const TriangleMesh body = MirrorSymmetricBody(3);
+TEST(PositionColorsTest, AreThoseOfThePage) {
+  const TriangleMesh body = MirrorSymmetricBody(2);
   const Colors colors = PositionColors(body.positions);
-  EXPECT_EQ(colors.minCoeff(), 0);
-  EXPECT_EQ(colors.maxCoeff(), 1);
+  const std::vector<Rgb> bytes = PlaceColours(body.positions);
   for (VertexIndex v = 0; v < body.num_vertices(); ++v) {
-    if (std::abs(body.positions(v, 2)) < 0.2) continue;
-    const bool is_high = body.positions(v, 2) > 0;
-    EXPECT_EQ(colors(v, 2) > 0.5, is_high);
+    EXPECT_EQ(ColorBytes(colors.row(v)), bytes[static_cast<std::size_t>(v)]);
   }
-}
-
-TEST(PositionColorsTest, AFlatSheetHasColoursToo) {
-  const Colors colors = PositionColors(PlaneGrid(2, 2, 1, 1).positions);
-  EXPECT_TRUE(colors.allFinite());
-  EXPECT_EQ(colors(0, 2), kNoColor[2]);
+  EXPECT_EQ(ColorBytes(kNoColor), kGrey);
 }
 
 }  // namespace

@@ -1,7 +1,10 @@
 #include "core/io/draco_mesh.h"
 
+#include <algorithm>
+#include <array>
 #include <cstdint>
 #include <random>
+#include <tuple>
 #include <vector>
 
 #include <gmock/gmock.h>
@@ -20,14 +23,21 @@ TriangleMesh RoundedToFloat(TriangleMesh mesh) {
   return mesh;
 }
 
-// The faces as a multiset of cyclically normalised triples.
-std::vector<std::array<VertexIndex, 3>> SortedFaces(const Faces& faces) {
-  std::vector<std::array<VertexIndex, 3>> sorted;
+using Triples = std::vector<std::array<VertexIndex, 3>>;
+
+Triples InTheirOrder(const Faces& faces) {
+  Triples triples;
   for (Eigen::Index f = 0; f < faces.rows(); ++f) {
-    std::array<VertexIndex, 3> face = {faces(f, 0), faces(f, 1), faces(f, 2)};
-    std::rotate(face.begin(), std::min_element(face.begin(), face.end()),
-                face.end());
-    sorted.push_back(face);
+    triples.push_back({faces(f, 0), faces(f, 1), faces(f, 2)});
+  }
+  return triples;
+}
+
+// Each face from its smallest vertex on, in lexicographic order.
+Triples SortedFaces(const Faces& faces) {
+  Triples sorted = InTheirOrder(faces);
+  for (auto& [a, b, c] : sorted) {
+    while (a > b || a > c) std::tie(a, b, c) = std::tuple(b, c, a);
   }
   std::sort(sorted.begin(), sorted.end());
   return sorted;
@@ -43,7 +53,7 @@ VertexOrder ExpectRoundTrip(const TriangleMesh& mesh) {
   EXPECT_THAT(decoded, IsOk());
   if (!decoded.ok()) return VertexOrder::kDecoded;
   EXPECT_EQ(decoded->positions, RoundedToFloat(mesh).positions);
-  EXPECT_EQ(SortedFaces(decoded->faces), SortedFaces(mesh.faces));
+  EXPECT_EQ(InTheirOrder(decoded->faces), SortedFaces(mesh.faces));
   return encoded->vertex_order;
 }
 
@@ -157,7 +167,7 @@ TEST(DracoMeshTest, MoreIsolatedVerticesThanSequentialHoldsStillCount) {
   EXPECT_EQ(decoded->num_vertices(), 104);
   EXPECT_EQ(decoded->positions.topRows(4),
             RoundedToFloat(mesh).positions.topRows(4));
-  EXPECT_EQ(SortedFaces(decoded->faces), SortedFaces(mesh.faces));
+  EXPECT_EQ(InTheirOrder(decoded->faces), SortedFaces(mesh.faces));
 }
 
 TEST(DracoMeshTest, FaceThatRepeatsACornerIsKept) {

@@ -1,19 +1,19 @@
 #include "server/rpc/health_probe.h"
 
-#include <cstdio>
+#include <fstream>
 #include <memory>
 #include <string>
 
 #include <gmock/gmock.h>
+#include <grpc/grpc_security.h>
 #include <grpcpp/grpcpp.h>
 #include <gtest/gtest.h>
-#include <openssl/evp.h>
-#include <openssl/pem.h>
-#include <openssl/x509.h>
 
 #include "absl/strings/str_cat.h"
 #include "grpc/health/v1/health.grpc.pb.h"
+#include "tests/server/test_certificates.h"
 #include "tests/support/matchers.h"
+#include "tests/support/temporary_folder.h"
 
 namespace isomatch {
 namespace {
@@ -46,72 +46,70 @@ class HealthProbeTest : public testing::Test {
     address_ = absl::StrCat("127.0.0.1:", port);
   }
 
-  absl::Status Probe(ProbeTransport transport) const {
-    return ProbeHealth(address_, transport, absl::Seconds(10));
+  /// A server whose certificate is of `authority_`, in the files `tls_`.
+  void StartTls(grpc_ssl_client_certificate_request_type request) {
+    const TestCertificate own = authority_.Issue();
+    tls_ = {folder_.Path("cert.pem"), folder_.Path("key.pem"), ""};
+    std::ofstream(tls_.certificate) << own.certificate;
+    std::ofstream(tls_.key) << own.key;
+    grpc::SslServerCredentialsOptions options(request);
+    options.pem_key_cert_pairs.push_back({own.key, own.certificate});
+    options.pem_root_certs = authority_.certificate();
+    Start(grpc::SslServerCredentials(options));
   }
 
+  absl::Status Probe(const TlsFiles& tls) const {
+    return ProbeHealth(address_, tls, absl::Seconds(10));
+  }
+
+  const TemporaryFolder folder_;
+  const TestAuthority authority_;
+  TlsFiles tls_;
   FakeHealth health_;
   std::unique_ptr<grpc::Server> server_;
   std::string address_;
 };
 
-/// Returns what `write` writes in PEM.
-template <typename Write>
-std::string ToPem(const Write& write) {
-  const std::unique_ptr<BIO, decltype(&BIO_free)> out(BIO_new(BIO_s_mem()),
-                                                      BIO_free);
-  EXPECT_EQ(write(out.get()), 1);
-  char* data = nullptr;
-  const long size = BIO_get_mem_data(out.get(), &data);
-  return {data, static_cast<size_t>(size)};
-}
-
-/// A new key, with a certificate that it signed itself.
-grpc::SslServerCredentialsOptions::PemKeyCertPair SelfSigned() {
-  const std::unique_ptr<EVP_PKEY, decltype(&EVP_PKEY_free)> key(
-      EVP_EC_gen("P-256"), EVP_PKEY_free);
-  const std::unique_ptr<X509, decltype(&X509_free)> certificate(X509_new(),
-                                                                X509_free);
-  X509_set_version(certificate.get(), X509_VERSION_3);
-  X509_gmtime_adj(X509_getm_notBefore(certificate.get()), 0);
-  X509_gmtime_adj(X509_getm_notAfter(certificate.get()), /*seconds=*/3600);
-  X509_set_pubkey(certificate.get(), key.get());
-  EXPECT_GT(X509_sign(certificate.get(), key.get(), EVP_sha256()), 0);
-  return {ToPem([&](BIO* out) {
-            return PEM_write_bio_PrivateKey(out, key.get(), nullptr, nullptr, 0,
-                                            nullptr, nullptr);
-          }),
-          ToPem([&](BIO* out) {
-            return PEM_write_bio_X509(out, certificate.get());
-          })};
-}
-
 TEST_F(HealthProbeTest, OnlyAServerThatServesIsHealthy) {
   Start(grpc::InsecureServerCredentials());
-  EXPECT_THAT(Probe(ProbeTransport::kPlain), IsOk());
+  EXPECT_THAT(Probe(TlsFiles{}), IsOk());
   health_.status = HealthCheckResponse::NOT_SERVING;
-  EXPECT_THAT(Probe(ProbeTransport::kPlain),
+  EXPECT_THAT(Probe(TlsFiles{}),
               StatusIs(absl::StatusCode::kUnavailable, "NOT_SERVING"));
 }
 
 TEST_F(HealthProbeTest, NobodyThereIsNotHealthy) {
+  EXPECT_FALSE(ProbeHealth("127.0.0.1:1", TlsFiles{}, absl::Seconds(10)).ok());
   EXPECT_FALSE(
-      ProbeHealth("127.0.0.1:1", ProbeTransport::kPlain, absl::Seconds(10))
-          .ok());
-  EXPECT_FALSE(
-      ProbeHealth("unix:/nowhere", ProbeTransport::kPlain, absl::Seconds(10))
-          .ok());
+      ProbeHealth("unix:/nowhere", TlsFiles{}, absl::Seconds(10)).ok());
 }
 
 TEST_F(HealthProbeTest, TlsWithAnyCertificateWillDo) {
-  grpc::SslServerCredentialsOptions options;
-  options.pem_key_cert_pairs.push_back(SelfSigned());
-  Start(grpc::SslServerCredentials(options));
-  EXPECT_THAT(Probe(ProbeTransport::kTls), IsOk());
-  EXPECT_FALSE(Probe(ProbeTransport::kPlain).ok());
+  StartTls(GRPC_SSL_DONT_REQUEST_CLIENT_CERTIFICATE);
+  EXPECT_THAT(Probe(tls_), IsOk());
+  EXPECT_FALSE(Probe(TlsFiles{}).ok());
   health_.status = HealthCheckResponse::NOT_SERVING;
-  EXPECT_THAT(Probe(ProbeTransport::kTls),
+  EXPECT_THAT(Probe(tls_),
               StatusIs(absl::StatusCode::kUnavailable, "NOT_SERVING"));
+}
+
+TEST_F(HealthProbeTest, TlsNeedsNoAuthoritiesOfTheSystem) {
+  grpc_set_ssl_roots_override_callback(
+      [](char**) { return GRPC_SSL_ROOTS_OVERRIDE_FAIL_PERMANENTLY; });
+  StartTls(GRPC_SSL_DONT_REQUEST_CLIENT_CERTIFICATE);
+  EXPECT_THAT(Probe(tls_), IsOk());
+}
+
+TEST_F(HealthProbeTest, AServerThatWantsCertificatesIsShownItsOwn) {
+  StartTls(GRPC_SSL_REQUEST_AND_REQUIRE_CLIENT_CERTIFICATE_AND_VERIFY);
+  EXPECT_THAT(Probe(tls_), IsOk());
+}
+
+TEST_F(HealthProbeTest, FilesThatAreNotThereAreNamed) {
+  StartTls(GRPC_SSL_DONT_REQUEST_CLIENT_CERTIFICATE);
+  tls_.key = folder_.Path("nowhere.pem");
+  EXPECT_THAT(Probe(tls_), StatusIs(absl::StatusCode::kInvalidArgument,
+                                    HasSubstr("nowhere.pem")));
 }
 
 TEST_F(HealthProbeTest, AServerOnAllAddressesIsProbedOnLoopback) {

@@ -1,0 +1,267 @@
+#include <algorithm>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <system_error>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/time/clock.h"
+#include "client/batch_list.h"
+#include "client/batch_runner.h"
+#include "client/batch_table.h"
+#include "client/commands.h"
+#include "client/connection_flags.h"
+#include "client/progress_display.h"
+#include "client/remote_server.h"
+#include "core/base/status_macros.h"
+#include "server/server.h"
+#include "server/server_config.h"
+
+namespace isomatch {
+namespace {
+
+constexpr char kFooter[] = R"(
+LIST has lines `X Y [LANDMARKS]`, paths relative to LIST's folder, where the
+extension of a mesh may be left out; # starts a comment. With --template each
+MESH, or each mesh of a folder, is the Y of one template.
+
+For each pair FOLDER gets X__Y.txt, the map, and X__Y.json, its report; summary.csv
+has a line for each. Run the same command again and pairs that are done are kept:
+after a kill, a crash or Ctrl-C only the rest is matched. Other meshes, options or
+another version of isomatch make a pair new.
+
+--truth FOLDER measures maps against FOLDER/gt_X__Y.txt, files as `evaluate` takes
+them: the columns direct and best are mean geodesic errors over the diameter of Y.
+
+Exit status: 0 when every pair has its map, 1 when one failed (the others have
+theirs).
+
+Examples:
+  isomatch batch pairs.txt -o maps
+  isomatch batch --template template.off scans -o maps
+  isomatch batch --template template.off a.ply b.ply -o maps --reverse
+  isomatch batch pairs.txt -o maps --server meshes.example.org:7443 --parallel 8
+  isomatch batch data/pairs.txt -o maps --truth data)";
+
+struct Arguments {
+  std::vector<std::string> inputs;
+  std::string template_mesh;
+  std::string truth;
+  ConnectionFlags connection;
+  BatchOptions options;
+  int parallel = 0;
+  bool reverse = false;
+  bool json = false;
+  bool no_progress = false;
+};
+
+absl::StatusOr<std::vector<BatchPair>> ReadPairs(const Arguments& arguments) {
+  std::vector<BatchPair> pairs;
+  if (!arguments.template_mesh.empty()) {
+    ISOMATCH_ASSIGN_OR_RETURN(
+        pairs, PairWithTemplate(arguments.template_mesh, arguments.inputs,
+                                arguments.reverse));
+  } else if (arguments.inputs.size() == 1) {
+    ISOMATCH_ASSIGN_OR_RETURN(pairs, ReadBatchList(arguments.inputs[0]));
+  } else {
+    return absl::InvalidArgumentError(
+        absl::StrCat("expected one LIST, or --template with meshes; found ",
+                     arguments.inputs.size(), " files"));
+  }
+  if (!arguments.truth.empty()) {
+    ISOMATCH_RETURN_IF_ERROR(AddTruths(arguments.truth, &pairs));
+  }
+  return pairs;
+}
+
+absl::Status MakeFolder(const std::string& folder) {
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (std::filesystem::is_directory(folder)) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrCat("--output '", folder,
+                   "': cannot be made, expected a folder: ", error.message()));
+}
+
+// One line about the whole batch, drawn anew or told now and then.
+class BatchDisplay {
+ public:
+  BatchDisplay(const Terminal& terminal, bool quiet)
+      : terminal_(terminal),
+        style_(ProgressStyleFor(terminal.is_interactive, quiet)) {}
+  ~BatchDisplay() {
+    if (drawn_) terminal_.err << "\r\x1b[K" << std::flush;
+  }
+  BatchDisplay(const BatchDisplay&) = delete;
+  BatchDisplay& operator=(const BatchDisplay&) = delete;
+
+  void Show(const BatchProgress& progress) {
+    constexpr absl::Duration kLineInterval = absl::Seconds(5);
+    if (style_ == ProgressStyle::kNone) return;
+    const absl::Time now = absl::Now();
+    const bool is_news = progress.ended != last_ended_;
+    if (style_ == ProgressStyle::kLines && !is_news &&
+        now - last_line_ < kLineInterval) {
+      return;
+    }
+    last_line_ = now;
+    last_ended_ = progress.ended;
+    const std::string line = Line(progress, now);
+    if (style_ == ProgressStyle::kBar) {
+      terminal_.err << "\r\x1b[K" << line << std::flush;
+      drawn_ = true;
+    } else {
+      terminal_.err << line << std::endl;
+    }
+  }
+
+ private:
+  std::string Line(const BatchProgress& progress, absl::Time now) const {
+    std::string line = absl::StrFormat("%3.0f %%  %d of %d pairs, %d running",
+                                       100 * progress.fraction, progress.ended,
+                                       progress.total, progress.running);
+    if (progress.failed > 0) {
+      absl::StrAppend(&line, ", ", progress.failed, " failed");
+    }
+    constexpr double kEnough = 0.05;
+    if (progress.fraction > kEnough && progress.fraction < 1) {
+      absl::StrAppend(&line, ", about ",
+                      FormatLeft((now - start_) *
+                                 ((1 - progress.fraction) / progress.fraction)),
+                      " left");
+    }
+    return line;
+  }
+
+  const Terminal& terminal_;
+  const ProgressStyle style_;
+  const absl::Time start_ = absl::Now();
+  absl::Time last_line_ = absl::InfinitePast();
+  int last_ended_ = -1;
+  bool drawn_ = false;
+};
+
+int Cores() {
+  return std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+}
+
+absl::StatusOr<std::unique_ptr<Server>> StartEmbedded(int workers,
+                                                      std::uint32_t threads) {
+  ServerConfig config;
+  config.listen.clear();
+  config.workers = workers;
+  config.threads_per_job = static_cast<int>(threads);
+  return Server::Create(config);
+}
+
+absl::Status Finish(const Arguments& arguments, const BatchRunner& runner,
+                    const std::vector<BatchRow>& rows,
+                    const Terminal& terminal) {
+  ISOMATCH_RETURN_IF_ERROR(
+      Print(arguments.json ? FormatBatchJson(rows) : FormatBatchTable(rows),
+            terminal));
+  ISOMATCH_RETURN_IF_ERROR(runner.summary_status());
+  if (terminal.stop.stop_requested()) {
+    return absl::CancelledError(
+        "interrupted; the same command goes on where it was");
+  }
+  const auto has_failed = [](const BatchRow& row) {
+    return row.state == BatchState::kFailed ||
+           row.state == BatchState::kWaiting;
+  };
+  const auto failed = std::count_if(rows.begin(), rows.end(), has_failed);
+  if (failed == 0) return absl::OkStatus();
+  const auto first = std::find_if(rows.begin(), rows.end(), has_failed);
+  return absl::InternalError(
+      absl::StrCat(failed, " of ", rows.size(), " pairs have no map; ",
+                   first->x, " to ", first->y, ": ", first->message));
+}
+
+absl::Status Run(const Arguments& arguments, const Terminal& terminal) {
+  ISOMATCH_ASSIGN_OR_RETURN(const std::vector<BatchPair> pairs,
+                            ReadPairs(arguments));
+  ISOMATCH_RETURN_IF_ERROR(MakeFolder(arguments.options.folder));
+  BatchOptions options = arguments.options;
+  options.parallel = arguments.parallel;
+  std::unique_ptr<Server> embedded;
+  std::shared_ptr<grpc::Channel> channel;
+  if (arguments.connection.server.empty()) {
+    if (options.parallel == 0) options.parallel = Cores();
+    ISOMATCH_ASSIGN_OR_RETURN(
+        embedded, StartEmbedded(options.parallel, options.job.threads));
+    channel = embedded->InProcessChannel();
+  } else {
+    ISOMATCH_ASSIGN_OR_RETURN(
+        const RemoteServer server,
+        RemoteServer::Open(arguments.connection, terminal));
+    channel = server.channel();
+    const auto info = IsomatchClient(channel).GetServerInfo(terminal.stop);
+    if (!info.ok()) return server.Explain(info.status());
+    // One more than run, so that the next pair is there when one ends.
+    if (options.parallel == 0) {
+      options.parallel = static_cast<int>(info->workers()) + 1;
+    }
+  }
+  IsomatchClient client(channel);
+  BatchDisplay display(terminal, arguments.no_progress);
+  BatchRunner runner(&client, options, [&](const BatchProgress& progress) {
+    display.Show(progress);
+  });
+  const std::vector<BatchRow> rows = runner.Run(pairs, terminal.stop);
+  return Finish(arguments, runner, rows, terminal);
+}
+
+void AddOptions(CLI::App* command, Arguments* arguments) {
+  command
+      ->add_option("LIST", arguments->inputs,
+                   "List of pairs; with --template meshes or folders of meshes")
+      ->required();
+  command
+      ->add_option("-o,--output", arguments->options.folder,
+                   "Folder to write to, made when missing")
+      ->required();
+  CLI::Option* const template_mesh =
+      command->add_option("--template", arguments->template_mesh,
+                          "Mesh X that is matched to each MESH");
+  command
+      ->add_flag("--reverse", arguments->reverse,
+                 "Match each MESH to the template instead")
+      ->needs(template_mesh);
+  command->add_option("--truth", arguments->truth,
+                      "Folder of ground truths gt_X__Y.txt");
+  command
+      ->add_option("--parallel", arguments->parallel,
+                   "Pairs at the same time; 0: one for each core, or one more "
+                   "than the server has workers")
+      ->check(CLI::Range(0, 256))
+      ->capture_default_str();
+  command->add_flag("--force", arguments->options.force,
+                    "Match pairs that are done already too");
+  command->add_flag("--json", arguments->json,
+                    "Print JSON, an object in a line for each pair");
+  command->add_flag("--no-progress", arguments->no_progress,
+                    "Say nothing on standard error but warnings and errors");
+}
+
+}  // namespace
+
+Command AddBatchCommand(CLI::App& app) {
+  CLI::App* command = app.add_subcommand(
+      "batch", "Matches many pairs; goes on where it was stopped.");
+  const auto arguments = std::make_shared<Arguments>();
+  AddOptions(command, arguments.get());
+  AddConnectionFlags(command, &arguments->connection, ServerUse::kOptional);
+  AddJobFlags(command, &arguments->options.job);
+  command->footer(kFooter);
+  return {command, [arguments](const Terminal& terminal) {
+            return Run(*arguments, terminal);
+          }};
+}
+
+}  // namespace isomatch

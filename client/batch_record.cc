@@ -1,0 +1,90 @@
+#include "client/batch_record.h"
+
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "client/map_file.h"
+#include "client/match_report.h"
+#include "client/text_file.h"
+#include "core/base/status_macros.h"
+#include "core/base/version.h"
+#include "server/storage/sha256.h"
+
+namespace isomatch {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+absl::StatusOr<std::string> HashOf(const std::string& path,
+                                   const std::string& what) {
+  if (path.empty()) return "";
+  ISOMATCH_ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, what));
+  return Sha256Hex(bytes);
+}
+
+std::string FileText(const std::string& path) {
+  return ReadFile(path, "a result").value_or("");
+}
+
+}  // namespace
+
+absl::StatusOr<BatchRecord> BatchRecord::Make(const std::string& folder,
+                                              const BatchPair& pair,
+                                              const std::string& options) {
+  BatchRecord record;
+  record.stem_ = absl::StrCat(folder, "/", pair.name);
+  ISOMATCH_ASSIGN_OR_RETURN(const std::string x, HashOf(pair.x, "a mesh"));
+  ISOMATCH_ASSIGN_OR_RETURN(const std::string y, HashOf(pair.y, "a mesh"));
+  ISOMATCH_ASSIGN_OR_RETURN(const std::string landmarks,
+                            HashOf(pair.landmarks, "landmarks"));
+  ISOMATCH_ASSIGN_OR_RETURN(record.truth_sha256_,
+                            HashOf(pair.truth, "a ground truth"));
+  record.fingerprint_ = Sha256Hex(
+      absl::StrCat(kVersion, "\n", x, "\n", y, "\n", landmarks, "\n", options));
+  return record;
+}
+
+bool BatchRecord::Load() {
+  Json report = Json::parse(FileText(report_path()), /*cb=*/nullptr,
+                            /*allow_exceptions=*/false);
+  if (!report.is_object() || !report.contains("batch")) return false;
+  const Json& batch = report["batch"];
+  if (!batch.is_object() || batch.value("fingerprint", "") != fingerprint_ ||
+      batch.value("map_sha256", "") != Sha256Hex(FileText(map_path()))) {
+    return false;
+  }
+  report_ = std::move(report);
+  return true;
+}
+
+absl::Status BatchRecord::Save(const MatchResult& result,
+                               const std::vector<std::string>& warnings) {
+  const std::string map = FormatMap(result.y_from_x);
+  ISOMATCH_RETURN_IF_ERROR(WriteFileAtomically(map_path(), map));
+  report_ = Json::parse(FormatReport(result, warnings));
+  report_["batch"] = {{"fingerprint", fingerprint_},
+                      {"map_sha256", Sha256Hex(map)}};
+  return WriteReport();
+}
+
+std::optional<BatchError> BatchRecord::error() const {
+  const Json& batch = report_["batch"];
+  if (truth_sha256_.empty() || !batch.contains("error")) return std::nullopt;
+  const Json& error = batch["error"];
+  if (error.value("truth_sha256", "") != truth_sha256_) return std::nullopt;
+  return BatchError{error.value("direct", 0.0), error.value("best", 0.0)};
+}
+
+absl::Status BatchRecord::SaveError(const BatchError& error) {
+  report_["batch"]["error"] = {{"truth_sha256", truth_sha256_},
+                               {"direct", error.direct},
+                               {"best", error.best}};
+  return WriteReport();
+}
+
+absl::Status BatchRecord::WriteReport() const {
+  constexpr int kIndent = 2;
+  return WriteFileAtomically(report_path(), report_.dump(kIndent) + "\n");
+}
+
+}  // namespace isomatch

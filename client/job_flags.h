@@ -1,0 +1,59 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <CLI/CLI.hpp>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+#include "client/match_request.h"
+
+namespace isomatch {
+
+/// How a job is to be done, for every command that makes one.
+struct JobFlags {
+  std::string profile = "default";
+  std::uint64_t random_seed = 1;
+  std::uint32_t threads = 0;
+  std::optional<std::uint32_t> solved_vertices;
+  std::int32_t priority = 0;
+  bool landmarks_exact = false;
+};
+
+/// What only a job on a server can have.
+struct QueueFlags {
+  std::vector<std::string> labels;
+  std::string queue_timeout;
+  std::string run_timeout;
+};
+
+// Each adds options to `command`, which does not outlive what it fills.
+
+/// X, Y and --landmarks.
+void AddPairOptions(CLI::App* command, std::string* x, std::string* y,
+                    std::string* landmarks);
+void AddJobFlags(CLI::App* command, JobFlags* flags);
+void AddQueueFlags(CLI::App* command, QueueFlags* flags);
+
+/// Copies what the flags say to `request`.
+void SetJobFlags(const JobFlags& flags, MatchRequest* request);
+
+/// As SetJobFlags. INVALID_ARGUMENT names the flag that has no duration or no
+/// KEY=VALUE.
+absl::Status SetQueueFlags(const QueueFlags& flags, MatchRequest* request);
+
+/// Returns the labels that KEY=VALUE words name. INVALID_ARGUMENT names `flag`.
+absl::StatusOr<std::map<std::string, std::string>> ParseLabels(
+    const std::string& flag, const std::vector<std::string>& words);
+
+/// Reads both meshes and, unless empty, the landmarks. What is to be said about
+/// the files is appended to `warnings`. Errors name X, Y or the file's line.
+absl::Status ReadInputs(const std::string& path_x, const std::string& path_y,
+                        const std::string& landmarks, MatchRequest* request,
+                        std::vector<std::string>* warnings);
+
+}  // namespace isomatch

@@ -1,0 +1,97 @@
+// node match.mjs X Y -o MAP: matches two meshes on an Isomatch server.
+
+import {readFileSync, renameSync, writeFileSync} from 'node:fs';
+import {parseArgs} from 'node:util';
+
+import {call, connect, createJob, decodeMap, download, watch} from './isomatch.mjs';
+import {readMesh} from './mesh_file.mjs';
+
+const USAGE = `Usage: node match.mjs X Y -o MAP [options]
+
+X, Y: meshes, .off, .obj or .ply. MAP: line i has the vertex of Y for vertex i of X.
+
+  --server HOST:PORT      127.0.0.1:7443 by default
+  --tls-ca FILE           encrypts, and checks the server's certificate
+  --profile NAME          default or paper
+  --random-seed N         1 by default
+  --cancel-after SECONDS  gives up then, as Ctrl-C does at any time
+
+ISOMATCH_API_KEY in the environment is sent along.
+
+  isomatch sample --pose A --vertices 2000 -o a.off
+  isomatch sample --pose B --vertices 2000 -o b.off
+  node match.mjs a.off b.off -o map.txt`;
+
+const OPTIONS = {
+  output: {type: 'string', short: 'o'},
+  server: {type: 'string', default: '127.0.0.1:7443'},
+  'tls-ca': {type: 'string'},
+  profile: {type: 'string', default: 'default'},
+  'random-seed': {type: 'string', default: '1'},
+  'cancel-after': {type: 'string'},
+  help: {type: 'boolean', short: 'h'},
+};
+
+class UsageError extends Error {}
+
+function parse() {
+  try {
+    const {values, positionals} = parseArgs({options: OPTIONS, allowPositionals: true});
+    if (values.help) return values;
+    if (positionals.length !== 2) throw new Error('expected two meshes, X and Y');
+    if (!values.output) throw new Error('expected -o MAP');
+    if (!['default', 'paper'].includes(values.profile)) {
+      throw new Error(`--profile is '${values.profile}', expected default or paper`);
+    }
+    return {...values, x: readMesh(positionals[0]), y: readMesh(positionals[1])};
+  } catch (error) {
+    throw new UsageError(error.message);
+  }
+}
+
+/** Follows the job to its end, on one line of a terminal. */
+async function follow(client, name) {
+  let job;
+  for await (job of watch(client, name)) {
+    if (!process.stderr.isTTY) continue;
+    const percent = Math.round(100 * job.progress.totalFraction);
+    process.stderr.write(`\r\x1b[K${percent} %  ${job.progress.stage}`);
+  }
+  if (process.stderr.isTTY) process.stderr.write('\n');
+  return job;
+}
+
+async function main() {
+  const args = parse();
+  if (args.help) return console.log(USAGE);
+  const client = connect(args.server, {
+    tls: args['tls-ca'] && {ca: readFileSync(args['tls-ca'])},
+    apiKey: process.env.ISOMATCH_API_KEY,
+  });
+  const options = {
+    profile: `PROFILE_${args.profile.toUpperCase()}`, randomSeed: args['random-seed'],
+  };
+  const {name} = await createJob(client, args.x, args.y, {options});
+  console.error(name);
+
+  const cancel = () => call(client, 'CancelJob', {name}).catch(() => {});
+  process.once('SIGINT', cancel);
+  if (args['cancel-after']) setTimeout(cancel, 1000 * args['cancel-after']).unref();
+
+  const job = await follow(client, name);
+  if (job.state === 'STATE_SUCCEEDED') {
+    const map = decodeMap(await download(client, name));
+    writeFileSync(`${args.output}.part`, map.join('\n') + '\n');
+    renameSync(`${args.output}.part`, args.output);
+    console.error(`${map.length} vertices matched, written to ${args.output}`);
+  } else {
+    console.error(job.error ? `${job.error.message} (${job.error.reason})` : 'cancelled');
+    process.exitCode = job.error ? 1 : 130;
+  }
+  client.close();
+}
+
+main().catch((error) => {
+  console.error(`match.mjs: ${error.details ?? error.message}`);
+  process.exit(error instanceof UsageError || error.code === 3 ? 2 : 1);
+});

@@ -1,0 +1,111 @@
+"""CreateJobRequest and its parts from what the caller gives, checked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from isomatch import _messages
+from isomatch._draco import EncodedMesh
+from isomatch.mesh import UploadedMesh, invalid
+
+# Room in a request for what its meshes need beside their bytes, and more.
+OVERHEAD_BYTES = 4096
+
+
+def part_number(name: str) -> int:
+    """ "precise map" as RESULT_PART_PRECISE_MAP."""
+    value = "RESULT_PART_" + name.upper().replace(" ", "_")
+    return _messages.enum_number("ResultPart", value)
+
+
+def _profile(name: str) -> int:
+    known = [n.removeprefix("PROFILE_").lower() for n in _messages.enum_names("Profile")]
+    known.remove("unspecified")
+    if name not in known:
+        raise invalid("profile", f"is {name!r}, expected {' or '.join(map(repr, known))}")
+    return _messages.enum_number("Profile", f"PROFILE_{name.upper()}")
+
+
+def _integer(field: str, value: int, low: int, high: int) -> int:
+    if isinstance(value, (int, np.integer)) and low <= value <= high:
+        return int(value)
+    raise invalid(field, f"is {value!r}, expected an integer, {low} to {high}")
+
+
+def _add_landmarks(request: Any, landmarks: ArrayLike) -> None:
+    pairs = np.asarray(landmarks)
+    if pairs.size == 0:
+        return
+    if pairs.ndim != 2 or pairs.shape[1] != 2 or pairs.dtype.kind not in "iu":
+        raise invalid(
+            "landmarks",
+            f"shape is {pairs.shape} of {pairs.dtype}, expected (k, 2) of integers",
+        )
+    for i, (x, y) in enumerate(pairs.tolist()):
+        _integer(f"landmarks[{i}].x", x, 0, 2**32 - 1)
+        _integer(f"landmarks[{i}].y", y, 0, 2**32 - 1)
+        request.landmarks.add(x=x, y=y)
+
+
+def check_landmarks(request: Any, vertices_x: int, vertices_y: int) -> None:
+    """InvalidInput when one names no vertex."""
+    for i, landmark in enumerate(request.landmarks):
+        _integer(f"landmarks[{i}].x", landmark.x, 0, vertices_x - 1)
+        _integer(f"landmarks[{i}].y", landmark.y, 0, vertices_y - 1)
+
+
+def set_mesh(message: Any, mesh: EncodedMesh | UploadedMesh) -> None:
+    """Fills a Mesh message, by value or by digest."""
+    if isinstance(mesh, EncodedMesh):
+        message.draco = mesh.data
+    else:
+        message.digest.sha256 = mesh.sha256
+        message.digest.size_bytes = mesh.size_bytes
+    order = "ID_ATTRIBUTE" if mesh.by_id else "DECODED"
+    message.vertex_order = _messages.enum_number("VertexOrder", f"VERTEX_ORDER_{order}")
+    message.vertex_count = mesh.vertices
+
+
+def create_job(
+    *,
+    landmarks: ArrayLike | None,
+    landmarks_exact: bool,
+    profile: str,
+    random_seed: int,
+    threads: int,
+    solved_vertices: int | None,
+    functional_map: bool,
+    priority: int,
+    labels: Mapping[str, str] | None,
+    queue_timeout: float | None,
+    run_timeout: float | None,
+    cancel_when_unwatched: bool,
+) -> Any:
+    """All but the meshes and the request_id; Client.submit tells the rest."""
+    request = _messages.CreateJobRequest(
+        labels=labels, priority=_integer("priority", priority, -(2**31), 2**31 - 1)
+    )
+    options = request.options
+    options.profile = _profile(profile)
+    options.random_seed = _integer("random_seed", random_seed, 0, 2**64 - 1)
+    options.threads = _integer("threads", threads, 0, 2**32 - 1)
+    options.landmarks_exact = landmarks_exact
+    options.functional_map = functional_map
+    if solved_vertices is not None:
+        options.solved_vertices = _integer(
+            "solved_vertices", solved_vertices, 0, 2**32 - 1
+        )
+    if landmarks is not None:
+        _add_landmarks(request, landmarks)
+    for field, seconds in (("queue_timeout", queue_timeout), ("run_timeout", run_timeout)):
+        if seconds is not None:
+            getattr(request, field).FromNanoseconds(round(seconds * 1e9))
+    if cancel_when_unwatched:
+        request.disconnect_policy = _messages.enum_number(
+            "DisconnectPolicy", "DISCONNECT_POLICY_CANCEL"
+        )
+    return request

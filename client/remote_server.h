@@ -1,0 +1,37 @@
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include <grpcpp/channel.h>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "client/command_line.h"
+#include "client/connection_flags.h"
+
+namespace isomatch {
+
+/// The server that the flags of a command name.
+class RemoteServer {
+ public:
+  /// Reads the files of the flags, and the environment's ISOMATCH_API_KEY.
+  /// Warnings go to terminal.err. Errors as LoadSecurity; nothing is sent yet.
+  static absl::StatusOr<RemoteServer> Open(const ConnectionFlags& flags,
+                                           const Terminal& terminal);
+
+  const std::shared_ptr<grpc::Channel>& channel() const { return channel_; }
+
+  /// Returns what a call ended with, in the words of the flags: which server
+  /// did not answer, which flag would have brought the missing key.
+  absl::Status Explain(const absl::Status& status) const;
+
+ private:
+  RemoteServer(std::string address, std::shared_ptr<grpc::Channel> channel)
+      : address_(std::move(address)), channel_(std::move(channel)) {}
+
+  std::string address_;
+  std::shared_ptr<grpc::Channel> channel_;
+};
+
+}  // namespace isomatch

@@ -1,0 +1,289 @@
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_split.h"
+#include "client/commands.h"
+#include "client/map_file.h"
+#include "client/mesh_file.h"
+#include "client/part_files.h"
+#include "client/text_file.h"
+#include "client/viewer/figures.h"
+#include "client/viewer/image.h"
+#include "client/viewer/layers.h"
+#include "client/viewer/page.h"
+#include "client/viewer/picture.h"
+#include "core/base/status_macros.h"
+#include "core/evaluation/geodesic_error.h"
+
+namespace isomatch {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr char kFooter[] = R"(
+The page is one HTML file that asks nothing of the network: both shapes in 3D
+with linked cameras. Y is coloured by place, and each vertex of X has the colour
+of its image, so that a good map looks the same on both sides and a mirrored or
+torn one does not. Other layers are the distortion, the confidence of
+`isomatch match --confidence` and the error against a ground truth; pointing at a
+vertex shows its partners.
+
+A picture has X on the left and Y on the right. Both may be written at once.
+
+Examples:
+  isomatch view X.off Y.off map.txt -o report.html
+  isomatch view X.off Y.off map.txt -o report.html --report report.json \
+    --confidence confidence.txt --truth truth.txt
+  isomatch view X.off Y.off map.txt --png picture.png --pattern checker
+  isomatch view X.off Y.off map.txt --png error.png --layer error \
+    --truth truth.txt --size 2400x1200 --up z)";
+
+constexpr char kColours[] = "colours";
+
+struct Arguments {
+  std::string x;
+  std::string y;
+  std::string map;
+  std::string page;
+  std::string picture;
+  std::string size = "1600x800";
+  std::string layer = kColours;
+  std::string pattern = "plain";
+  std::string up;
+  std::string confidence;
+  std::string truth;
+  std::string report;
+  std::string title;
+};
+
+absl::Status CheckOutputs(const Arguments& arguments) {
+  if (arguments.page.empty() && arguments.picture.empty()) {
+    return absl::InvalidArgumentError(
+        "nothing to write, expected --output PAGE.html or --png PICTURE.png");
+  }
+  for (const std::string& path : {arguments.page, arguments.picture}) {
+    if (!path.empty()) ISOMATCH_RETURN_IF_ERROR(CheckOutputFile(path));
+  }
+  std::error_code error;
+  if (fs::weakly_canonical(arguments.page, error) !=
+      fs::weakly_canonical(arguments.picture, error)) {
+    return absl::OkStatus();
+  }
+  return absl::InvalidArgumentError(
+      absl::StrCat("--png '", arguments.picture,
+                   "': is the file of --output too, expected another"));
+}
+
+absl::Status CheckLayer(const Arguments& arguments) {
+  if (arguments.layer == "confidence" && arguments.confidence.empty()) {
+    return absl::InvalidArgumentError(
+        "--layer confidence: needs --confidence FILE");
+  }
+  if (arguments.layer == "error" && arguments.truth.empty()) {
+    return absl::InvalidArgumentError("--layer error: needs --truth FILE");
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<PictureOptions> ParsePictureOptions(const Arguments& arguments) {
+  PictureOptions options = {.layer = arguments.layer};
+  const std::vector<std::string> sides = absl::StrSplit(arguments.size, 'x');
+  const auto fits = [](int side) {
+    return PictureOptions::kMinSide <= side && side <= PictureOptions::kMaxSide;
+  };
+  if (sides.size() != 2 || !absl::SimpleAtoi(sides[0], &options.width) ||
+      !absl::SimpleAtoi(sides[1], &options.height) || !fits(options.width) ||
+      !fits(options.height)) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "--size is '", arguments.size, "', expected WIDTHxHEIGHT of ",
+        PictureOptions::kMinSide, " to ", PictureOptions::kMaxSide,
+        " pixels each, e.g. 1600x800"));
+  }
+  if (arguments.pattern == "stripes") options.pattern = Pattern::kStripes;
+  if (arguments.pattern == "checker") options.pattern = Pattern::kChecker;
+  return options;
+}
+
+std::optional<int> UpAxis(const std::string& up) {
+  if (up.empty()) return std::nullopt;
+  return up[0] - 'x';
+}
+
+/// Long work is told to a person who waits.
+void Say(const Terminal& terminal, const std::string& what) {
+  if (terminal.is_interactive) {
+    terminal.err << "isomatch: " << what << std::endl;
+  }
+}
+
+absl::StatusOr<NamedMesh> LoadMesh(const std::string& path,
+                                   const std::string& field,
+                                   std::vector<std::string>& warnings) {
+  ISOMATCH_ASSIGN_OR_RETURN(LoadedMesh loaded, ReadMesh(path, field));
+  for (const std::string& warning : loaded.warnings) {
+    warnings.push_back(absl::StrCat(field, ": ", warning));
+  }
+  return NamedMesh{fs::path(path).filename().string(), std::move(loaded.mesh)};
+}
+
+absl::Status AddError(const Arguments& arguments, const Terminal& terminal,
+                      const MappedPair& pair, PairView& view) {
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const GroundTruth truth,
+      ReadGroundTruth(arguments.truth, pair.mesh_x.num_vertices(),
+                      pair.mesh_y.num_vertices()));
+  Say(terminal, absl::StrCat("measuring geodesic errors of ",
+                             pair.mesh_x.num_vertices(), " vertices"));
+  const GeodesicErrorMeter meter(pair.mesh_y);
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const GeodesicError error,
+      meter.Measure(pair.y_from_x, truth.direct, terminal.stop));
+  std::optional<GeodesicError> mirrored;
+  if (!truth.mirrored.empty()) {
+    ISOMATCH_ASSIGN_OR_RETURN(
+        mirrored, meter.Measure(pair.y_from_x, truth.mirrored, terminal.stop));
+  }
+  view.layers.push_back(ErrorLayer(pair, error));
+  view.figures.push_back(ErrorFigures(error, mirrored));
+  return absl::OkStatus();
+}
+
+absl::Status AddReport(const std::string& path, PairView& view) {
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const std::string bytes,
+      ReadFile(path, "a report that `isomatch match --report` wrote"));
+  ISOMATCH_ASSIGN_OR_RETURN(ReportFigures report,
+                            ParseReport(path, bytes, view.x.mesh.num_vertices(),
+                                        view.y.mesh.num_vertices()));
+  view.figures.insert(view.figures.end(), report.tables.begin(),
+                      report.tables.end());
+  view.warnings = std::move(report.warnings);
+  return absl::OkStatus();
+}
+
+/// Reads and measures all that is shown.
+absl::StatusOr<PairView> Load(const Arguments& arguments,
+                              const Terminal& terminal) {
+  PairView view;
+  std::vector<std::string> warnings;
+  ISOMATCH_ASSIGN_OR_RETURN(view.x, LoadMesh(arguments.x, "X", warnings));
+  ISOMATCH_ASSIGN_OR_RETURN(view.y, LoadMesh(arguments.y, "Y", warnings));
+  const TriangleMesh& mesh_x = view.x.mesh;
+  const TriangleMesh& mesh_y = view.y.mesh;
+  ISOMATCH_ASSIGN_OR_RETURN(
+      view.y_from_x,
+      ReadMap(arguments.map, mesh_y.num_vertices(), mesh_x.num_vertices()));
+  view.title = arguments.title.empty()
+                   ? absl::StrCat(view.x.name, " \u2192 ", view.y.name)
+                   : arguments.title;
+  view.colours_y = PlaceColours(mesh_y.positions);
+  view.rotation = ViewRotation(mesh_x, mesh_y, UpAxis(arguments.up));
+  // A report repeats the meshes' warnings.
+  view.warnings = std::move(warnings);
+  if (!arguments.report.empty()) {
+    ISOMATCH_RETURN_IF_ERROR(AddReport(arguments.report, view));
+  }
+  const MappedPair pair = {mesh_x, mesh_y, view.y_from_x};
+  view.layers.push_back(DistortionLayer(pair));
+  if (!arguments.confidence.empty()) {
+    ISOMATCH_ASSIGN_OR_RETURN(
+        std::vector<float> confidence,
+        ReadConfidence(arguments.confidence, mesh_x.num_vertices()));
+    view.layers.push_back(ConfidenceLayer(pair, std::move(confidence)));
+  }
+  if (!arguments.truth.empty()) {
+    ISOMATCH_RETURN_IF_ERROR(AddError(arguments, terminal, pair, view));
+  }
+  view.figures.insert(view.figures.begin(), MapFigures(view));
+  return view;
+}
+
+/// A picture has no numbers: they are told here.
+absl::Status TellScale(const PairView& view, const Arguments& arguments,
+                       const Terminal& terminal) {
+  const ScalarLayer* layer = FindLayer(view, arguments.layer);
+  if (layer == nullptr) return absl::OkStatus();
+  return Print(
+      absl::StrFormat("%s: %s, scale from %.4g to %.4g\n", arguments.picture,
+                      layer->id, layer->low, layer->high),
+      terminal);
+}
+
+absl::Status Run(const Arguments& arguments, const Terminal& terminal) {
+  ISOMATCH_RETURN_IF_ERROR(CheckOutputs(arguments));
+  ISOMATCH_RETURN_IF_ERROR(CheckLayer(arguments));
+  ISOMATCH_ASSIGN_OR_RETURN(const PictureOptions options,
+                            ParsePictureOptions(arguments));
+  ISOMATCH_ASSIGN_OR_RETURN(const PairView view, Load(arguments, terminal));
+  if (!arguments.page.empty()) {
+    ISOMATCH_ASSIGN_OR_RETURN(
+        const std::string page,
+        FormatPage(view, {arguments.layer, arguments.pattern}));
+    ISOMATCH_RETURN_IF_ERROR(WriteFileAtomically(arguments.page, page));
+  }
+  if (arguments.picture.empty()) return absl::OkStatus();
+  ISOMATCH_ASSIGN_OR_RETURN(const std::string png,
+                            EncodePng(DrawPair(view, options)));
+  ISOMATCH_RETURN_IF_ERROR(WriteFileAtomically(arguments.picture, png));
+  return TellScale(view, arguments, terminal);
+}
+
+void AddAppearance(CLI::App& command, Arguments& arguments) {
+  command
+      .add_option("--layer", arguments.layer,
+                  "What colours mean, in a page at first")
+      ->check(CLI::IsMember({kColours, "confidence", "error", "distortion"}))
+      ->capture_default_str();
+  command
+      .add_option("--pattern", arguments.pattern,
+                  "Drawn on Y by place and carried to X")
+      ->check(CLI::IsMember({"plain", "stripes", "checker"}))
+      ->capture_default_str();
+  command
+      .add_option("--up", arguments.up,
+                  "Axis of the files that points upwards: x, y or z; by "
+                  "default y, or z for shapes that are flattest along y")
+      ->check(CLI::IsMember({"x", "y", "z"}));
+  command.add_option("--size", arguments.size, "WIDTHxHEIGHT of the picture")
+      ->capture_default_str();
+  command.add_option("--title", arguments.title,
+                     "Title of the page, by default the names of the meshes");
+}
+
+}  // namespace
+
+Command AddViewCommand(CLI::App& app) {
+  CLI::App* command = app.add_subcommand(
+      "view", "Shows a map: as a page with both shapes in 3D, or a picture.");
+  const auto arguments = std::make_shared<Arguments>();
+  command->add_option("X", arguments->x, "Mesh that the map is of")->required();
+  command->add_option("Y", arguments->y, "Mesh that the map leads to")
+      ->required();
+  command
+      ->add_option("MAP", arguments->map,
+                   "Map as `match` writes it: .txt, .npy or .json")
+      ->required();
+  command->add_option("-o,--output", arguments->page, "Page to write, HTML");
+  command->add_option("--png", arguments->picture, "Picture to write");
+  command->add_option("--confidence", arguments->confidence,
+                      "Confidence as `match --confidence` writes it");
+  command->add_option("--truth", arguments->truth,
+                      "Ground truth, as `evaluate` reads it");
+  command->add_option("--report", arguments->report,
+                      "Report as `match --report` writes it");
+  AddAppearance(*command, *arguments);
+  command->footer(kFooter);
+  return {command, [arguments](const Terminal& terminal) {
+            return Run(*arguments, terminal);
+          }};
+}
+
+}  // namespace isomatch

@@ -1,0 +1,43 @@
+#pragma once
+
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "absl/strings/string_view.h"
+#include "client/viewer/pair_view.h"
+
+namespace isomatch {
+
+/// What a page shows first.
+struct PageStart {
+  /// "colours", or the id of a layer.
+  std::string layer = "colours";
+  /// "plain", "stripes" or "checker".
+  std::string pattern = "plain";
+};
+
+/// The page without its data, built by client/viewer/build.js; in the binary.
+absl::string_view PageTemplate();
+
+/// Returns what the page's script reads (src/pair.js), as JSON:
+///
+/// - `title`, `summary`, `layer` and `pattern` (shown first), `figures`,
+///   `warnings`;
+/// - `x`, `y`: `name`, `vertices`, `faces`, `draco` (NormalisedPositions, 16
+/// bits
+///   a coordinate), `order` ("id" or "decoded", see core/io/draco_mesh.h);
+/// - `rotation`, nine numbers row by row;
+/// - `map`: y_from_x as little-endian int32; `colours`: 3 bytes a vertex of Y;
+/// - `layers`: `id`, `label`, `description`, `low`, `high`, `palette` (256 x 3
+///   bytes), `range` (two numbers), `x` and `y`: uint16 a vertex, 0 to 65534
+///   for the range's ends, 65535 for no value.
+///
+/// Bytes are base64. INTERNAL when Draco refuses a mesh.
+absl::StatusOr<std::string> FormatPageData(const PairView& view,
+                                           const PageStart& start);
+
+/// Returns the whole page, one HTML document that asks nothing of the network.
+absl::StatusOr<std::string> FormatPage(const PairView& view,
+                                       const PageStart& start);
+
+}  // namespace isomatch

@@ -1,0 +1,123 @@
+#include "client/viewer/pair_view.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+
+#include <Eigen/Geometry>
+
+#include "core/mesh/embedding.h"
+#include "core/mesh/mesh_geometry.h"
+#include "core/mesh/vertex_stars.h"
+
+namespace isomatch {
+namespace {
+
+constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
+
+Eigen::RowVector3d Extents(const TriangleMesh& mesh) {
+  return (mesh.positions.colwise().maxCoeff() -
+          mesh.positions.colwise().minCoeff()) /
+         std::sqrt(SurfaceArea(mesh));
+}
+
+/// The flatter of two axes.
+int Flatter(const Eigen::RowVector3d& extents, int first, int second) {
+  return extents[first] <= extents[second] ? first : second;
+}
+
+/// The mean over the vertices that go to each vertex of Y.
+std::vector<float> MeanOverImages(absl::Span<const float> on_x,
+                                  absl::Span<const VertexIndex> y_from_x,
+                                  VertexIndex vertices_y) {
+  std::vector<double> sums(vertices_y);
+  std::vector<int> counts(vertices_y);
+  for (std::size_t x = 0; x < on_x.size(); ++x) {
+    if (y_from_x[x] == kNoVertex || std::isnan(on_x[x])) continue;
+    sums[y_from_x[x]] += on_x[x];
+    ++counts[y_from_x[x]];
+  }
+  std::vector<float> means(vertices_y, kNone);
+  for (VertexIndex y = 0; y < vertices_y; ++y) {
+    if (counts[y] > 0) means[y] = static_cast<float>(sums[y] / counts[y]);
+  }
+  return means;
+}
+
+}  // namespace
+
+Positions NormalisedPositions(const TriangleMesh& mesh) {
+  const Eigen::RowVector3d middle = (mesh.positions.colwise().minCoeff() +
+                                     mesh.positions.colwise().maxCoeff()) /
+                                    2;
+  return (mesh.positions.rowwise() - middle) / std::sqrt(SurfaceArea(mesh));
+}
+
+Eigen::Matrix3d ViewRotation(const TriangleMesh& mesh_x,
+                             const TriangleMesh& mesh_y,
+                             std::optional<int> up) {
+  const Eigen::RowVector3d extents = Extents(mesh_x) + Extents(mesh_y);
+  const bool flattest_along_y =
+      extents[1] < extents[0] && extents[1] < extents[2];
+  const int up_axis = up.value_or(flattest_along_y ? 2 : 1);
+  const int depth = Flatter(extents, (up_axis + 1) % 3, (up_axis + 2) % 3);
+  const Eigen::Vector3d upward = Eigen::Vector3d::Unit(up_axis);
+  // A file with z up is seen from -y, as modelling programs do.
+  const Eigen::Vector3d to_viewer =
+      (up_axis == 2 && depth == 1 ? -1 : 1) * Eigen::Vector3d::Unit(depth);
+  Eigen::Matrix3d rotation;
+  rotation.row(0) = upward.cross(to_viewer).transpose();
+  rotation.row(1) = upward.transpose();
+  rotation.row(2) = to_viewer.transpose();
+  return rotation;
+}
+
+std::vector<float> CarryToY(absl::Span<const float> on_x,
+                            absl::Span<const VertexIndex> y_from_x,
+                            const TriangleMesh& mesh_y) {
+  std::vector<float> on_y =
+      MeanOverImages(on_x, y_from_x, mesh_y.num_vertices());
+  VertexMap reached;
+  for (VertexIndex y = 0; y < mesh_y.num_vertices(); ++y) {
+    if (!std::isnan(on_y[y])) reached.push_back(y);
+  }
+  const VertexMap nearest =
+      NearestByEdges(VertexStars(mesh_y), mesh_y.num_vertices(), reached);
+  for (VertexIndex y = 0; y < mesh_y.num_vertices(); ++y) {
+    if (nearest[y] != kNoVertex) on_y[y] = on_y[reached[nearest[y]]];
+  }
+  return on_y;
+}
+
+std::vector<Rgb> ColoursOfX(const PairView& view) {
+  std::vector<Rgb> colours;
+  colours.reserve(view.y_from_x.size());
+  for (const VertexIndex y : view.y_from_x) {
+    colours.push_back(y == kNoVertex ? kGrey : view.colours_y[y]);
+  }
+  return colours;
+}
+
+std::vector<Rgb> LayerColours(const ScalarLayer& layer,
+                              absl::Span<const float> values) {
+  std::vector<Rgb> colours;
+  colours.reserve(values.size());
+  for (const float value : values) {
+    const double unit = (value - layer.low) / (layer.high - layer.low);
+    colours.push_back(
+        std::isnan(value)
+            ? kGrey
+            : layer.palette[std::lround(255 * std::clamp(unit, 0.0, 1.0))]);
+  }
+  return colours;
+}
+
+const ScalarLayer* FindLayer(const PairView& view, const std::string& id) {
+  const auto found =
+      std::find_if(view.layers.begin(), view.layers.end(),
+                   [&](const ScalarLayer& layer) { return layer.id == id; });
+  return found == view.layers.end() ? nullptr : &*found;
+}
+
+}  // namespace isomatch

@@ -1,0 +1,85 @@
+#pragma once
+
+#include <array>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "absl/types/span.h"
+#include "client/viewer/colours.h"
+#include "core/base/vertex_index.h"
+#include "core/mesh/triangle_mesh.h"
+
+namespace isomatch {
+
+/// A number at every vertex of both shapes; NaN where there is none.
+struct ScalarLayer {
+  /// "confidence", "error" or "distortion".
+  std::string id = {};
+  std::string label = {};
+  std::string description = {};
+  /// Ends of the scale; numbers beyond have the colours of the ends.
+  double low = 0;
+  double high = 1;
+  Palette palette = {};
+  std::vector<float> on_x = {};
+  std::vector<float> on_y = {};
+};
+
+/// A table of labels and values.
+struct FigureTable {
+  std::string title;
+  std::vector<std::pair<std::string, std::string>> rows;
+};
+
+struct NamedMesh {
+  /// For people: the file's.
+  std::string name;
+  TriangleMesh mesh;
+};
+
+/// All that a page or a picture shows of two shapes and a map.
+struct PairView {
+  std::string title;
+  NamedMesh x;
+  NamedMesh y;
+  VertexMap y_from_x;
+  std::vector<Rgb> colours_y;
+  std::vector<ScalarLayer> layers;
+  /// Rows lead right, up and to the viewer, in the axes of the files.
+  Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
+  std::vector<FigureTable> figures;
+  std::vector<std::string> warnings;
+};
+
+/// Where vertices lie in pages and pictures: the box's middle is the origin,
+/// the surface's area 1.
+Positions NormalisedPositions(const TriangleMesh& mesh);
+
+/// Returns PairView::rotation. Up is axis `up` (0 to 2), else the files' y
+/// axis, or z when the shapes are flattest along y. The viewer looks along the
+/// flattest of the other two, from the front when that is +z, -y or +x.
+Eigen::Matrix3d ViewRotation(const TriangleMesh& mesh_x,
+                             const TriangleMesh& mesh_y, std::optional<int> up);
+
+/// Carries a layer from X: a vertex of Y gets the mean over the vertices that
+/// go there; where none does, what the nearest reached one, by edges, has. NaN
+/// where nothing leads.
+std::vector<float> CarryToY(absl::Span<const float> on_x,
+                            absl::Span<const VertexIndex> y_from_x,
+                            const TriangleMesh& mesh_y);
+
+/// The colour of a vertex of X is the one of its image.
+std::vector<Rgb> ColoursOfX(const PairView& view);
+
+/// The colours of a layer; kGrey where it has no number.
+std::vector<Rgb> LayerColours(const ScalarLayer& layer,
+                              absl::Span<const float> values);
+
+/// The layer of that id; nullptr for none.
+const ScalarLayer* FindLayer(const PairView& view, const std::string& id);
+
+}  // namespace isomatch

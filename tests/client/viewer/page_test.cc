@@ -1,0 +1,165 @@
+#include "client/viewer/page.h"
+
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "absl/strings/escaping.h"
+#include "core/io/draco_mesh.h"
+#include "tests/support/matchers.h"
+#include "tests/support/shapes.h"
+
+namespace isomatch {
+namespace {
+
+using nlohmann::json;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::Not;
+
+constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
+
+/// A sphere and a finer one, each vertex of X without a partner, or with one of
+/// any number.
+PairView SmallView() {
+  PairView view;
+  view.title = "a <b> & c";
+  view.x = {"</script>", BumpySphere(1)};
+  view.y = {"y.off", Moved(BumpySphere(2), 1000)};
+  for (VertexIndex x = 0; x < view.x.mesh.num_vertices(); ++x) {
+    view.y_from_x.push_back(3 * x);
+  }
+  view.y_from_x[5] = kNoVertex;
+  view.colours_y = PlaceColours(view.y.mesh.positions);
+  ScalarLayer layer = {.id = "confidence", .palette = ConfidencePalette()};
+  layer.on_x.assign(view.x.mesh.num_vertices(), 0.25F);
+  layer.on_x[1] = 0.75F;
+  layer.on_x[5] = kNone;
+  layer.on_y.assign(view.y.mesh.num_vertices(), 0.5F);
+  view.layers = {layer};
+  view.figures = {{"Run", {{"total time", "1 s"}}}};
+  view.warnings = {"mind"};
+  return view;
+}
+
+json Data(const PairView& view) {
+  return json::parse(FormatPageData(view, {"confidence", "checker"}).value());
+}
+
+template <typename T>
+std::vector<T> Unpacked(const json& base64) {
+  std::string bytes;
+  EXPECT_TRUE(absl::Base64Unescape(base64.get<std::string>(), &bytes));
+  EXPECT_EQ(bytes.size() % sizeof(T), 0);
+  std::vector<T> values(bytes.size() / sizeof(T));
+  std::memcpy(values.data(), bytes.data(), bytes.size());
+  return values;
+}
+
+TEST(PageDataTest, HoldsTheMeshes) {
+  const PairView view = SmallView();
+  const json data = Data(view);
+  for (const auto& [field, named] :
+       {std::pair("x", &view.x), std::pair("y", &view.y)}) {
+    const json& mesh = data[field];
+    EXPECT_EQ(mesh["name"], named->name);
+    EXPECT_EQ(mesh["vertices"], named->mesh.num_vertices());
+    EXPECT_EQ(mesh["faces"], named->mesh.num_faces());
+    EXPECT_EQ(mesh["order"], "id");
+    const std::vector<char> bytes = Unpacked<char>(mesh["draco"]);
+    const absl::StatusOr<TriangleMesh> decoded =
+        DecodeDraco({bytes.data(), bytes.size()}, VertexOrder::kIdAttribute,
+                    named->mesh.num_vertices());
+    ASSERT_THAT(decoded, IsOk());
+    EXPECT_EQ(decoded->num_faces(), named->mesh.num_faces());
+    const Positions expected = NormalisedPositions(named->mesh);
+    const double side =
+        (expected.colwise().maxCoeff() - expected.colwise().minCoeff())
+            .maxCoeff();
+    // Half a step of 16 bits, and single precision.
+    EXPECT_LT((decoded->positions - expected).cwiseAbs().maxCoeff(),
+              0.51 * side / 65535 + 1e-6);
+  }
+}
+
+TEST(PageDataTest, KeepsTheOrderOfVerticesOnNoFace) {
+  PairView view = SmallView();
+  TriangleMesh& mesh = view.x.mesh;
+  mesh.positions.conservativeResize(mesh.num_vertices() + 1, 3);
+  mesh.positions.bottomRows(1).setZero();
+  view.y_from_x.push_back(kNoVertex);
+  view.layers.clear();
+  EXPECT_EQ(Data(view)["x"]["order"], "decoded");
+}
+
+TEST(PageDataTest, HoldsTheMapAndTheColours) {
+  const PairView view = SmallView();
+  const json data = Data(view);
+  EXPECT_EQ(Unpacked<VertexIndex>(data["map"]), view.y_from_x);
+  const std::vector<std::uint8_t> colours =
+      Unpacked<std::uint8_t>(data["colours"]);
+  ASSERT_EQ(colours.size(), 3 * view.colours_y.size());
+  for (std::size_t y = 0; y < view.colours_y.size(); ++y) {
+    for (int channel = 0; channel < 3; ++channel) {
+      EXPECT_EQ(colours[3 * y + channel], view.colours_y[y][channel]);
+    }
+  }
+  EXPECT_EQ(data["layer"], "confidence");
+  EXPECT_EQ(data["pattern"], "checker");
+  EXPECT_EQ(data["rotation"].size(), 9);
+  EXPECT_EQ(data["figures"][0]["rows"][0][1], "1 s");
+  EXPECT_THAT(data["warnings"].get<std::vector<std::string>>(),
+              ElementsAre("mind"));
+}
+
+TEST(PageDataTest, HoldsTheLayersQuantised) {
+  const PairView view = SmallView();
+  const json layer = Data(view)["layers"][0];
+  EXPECT_EQ(layer["id"], "confidence");
+  EXPECT_THAT(layer["range"].get<std::vector<double>>(),
+              ElementsAre(0.25, 0.75));
+  EXPECT_EQ(Unpacked<std::uint8_t>(layer["palette"]).size(), 3 * 256);
+  const std::vector<std::uint16_t> on_x = Unpacked<std::uint16_t>(layer["x"]);
+  ASSERT_EQ(on_x.size(), view.y_from_x.size());
+  EXPECT_EQ(on_x[0], 0);
+  EXPECT_EQ(on_x[1], 65534);
+  EXPECT_EQ(on_x[5], 65535);
+  EXPECT_THAT(Unpacked<std::uint16_t>(layer["y"]), testing::Each(32767));
+}
+
+TEST(PageDataTest, ALayerMayBeEmptyOrConstant) {
+  PairView view = SmallView();
+  view.layers[0].on_x.assign(view.y_from_x.size(), kNone);
+  view.layers[0].on_y.assign(view.colours_y.size(), kNone);
+  EXPECT_THAT(Unpacked<std::uint16_t>(Data(view)["layers"][0]["x"]),
+              testing::Each(65535));
+  view.layers[0].on_x.assign(view.y_from_x.size(), 0.5F);
+  EXPECT_THAT(Unpacked<std::uint16_t>(Data(view)["layers"][0]["x"]),
+              testing::Each(0));
+}
+
+TEST(PageTest, IsWholeAndLoadsNothing) {
+  const std::string page = FormatPage(SmallView(), {}).value();
+  EXPECT_THAT(page, HasSubstr("<title>a &lt;b&gt; &amp; c</title>"));
+  EXPECT_THAT(page, Not(HasSubstr("</script>\",\"vertices")));
+  for (const char* mark : {"<!--", "/*STYLE*/", "/*DRACO*/", "/*SCRIPT*/"}) {
+    EXPECT_THAT(page.substr(0, page.find("<script>")), Not(HasSubstr(mark)));
+  }
+  EXPECT_THAT(page, HasSubstr("DracoDecoderModule"));
+  EXPECT_THAT(page, Not(HasSubstr(" src=")));
+  EXPECT_THAT(page, HasSubstr("default-src 'none'"));
+}
+
+TEST(PageTest, IsTheSameEachTime) {
+  EXPECT_EQ(FormatPage(SmallView(), {}).value(),
+            FormatPage(SmallView(), {}).value());
+}
+
+}  // namespace
+}  // namespace isomatch

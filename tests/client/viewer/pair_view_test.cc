@@ -1,0 +1,112 @@
+#include "client/viewer/pair_view.h"
+
+#include <cmath>
+#include <limits>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <Eigen/LU>
+
+#include "core/mesh/mesh_geometry.h"
+#include "tests/support/shapes.h"
+
+namespace isomatch {
+namespace {
+
+using testing::ElementsAre;
+using testing::IsNan;
+
+constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
+
+TEST(PairViewTest, NormalisedShapesHaveAreaOneAroundTheOrigin) {
+  const TriangleMesh mesh = Moved(FiveArms(3), 1e6);
+  const TriangleMesh normalised = {NormalisedPositions(mesh), mesh.faces};
+  EXPECT_NEAR(SurfaceArea(normalised), 1, 1e-9);
+  EXPECT_NEAR(normalised.positions.colwise().maxCoeff()[0] +
+                  normalised.positions.colwise().minCoeff()[0],
+              0, 1e-9);
+}
+
+/// An ellipsoid of these half axes.
+TriangleMesh Ellipsoid(double x, double y, double z) {
+  TriangleMesh mesh = UnitSphere(2);
+  mesh.positions.col(0) *= x;
+  mesh.positions.col(1) *= y;
+  mesh.positions.col(2) *= z;
+  return mesh;
+}
+
+/// Rows of the rotation for ellipsoids of these half axes.
+Eigen::Matrix3d Rotation(double x, double y, double z,
+                         std::optional<int> up = std::nullopt) {
+  const TriangleMesh mesh = Ellipsoid(x, y, z);
+  return ViewRotation(mesh, mesh, up);
+}
+
+TEST(ViewRotationTest, ThinAxisLeadsToTheViewerAndIsNeverUp) {
+  const auto x = Eigen::RowVector3d::UnitX();
+  const auto y = Eigen::RowVector3d::UnitY();
+  const auto z = Eigen::RowVector3d::UnitZ();
+  const Eigen::Matrix3d person = Rotation(3, 4, 1);  // y up, seen from z
+  EXPECT_EQ(person, Eigen::Matrix3d::Identity());
+  const Eigen::Matrix3d animal = Rotation(4, 1, 2);  // z up, seen from -y
+  EXPECT_EQ(animal.row(0), x);
+  EXPECT_EQ(animal.row(1), z);
+  EXPECT_EQ(animal.row(2), -y);
+  const Eigen::Matrix3d sideways = Rotation(1, 3, 4);  // y up, seen from x
+  EXPECT_EQ(sideways.row(1), y);
+  EXPECT_EQ(sideways.row(2), x);
+}
+
+TEST(ViewRotationTest, TheUserDecidesWhatIsUp) {
+  for (int up = 0; up < 3; ++up) {
+    const Eigen::Matrix3d rotation = Rotation(3, 1, 2, up);
+    EXPECT_EQ(rotation(1, up), 1);
+    EXPECT_NEAR(rotation.determinant(), 1, 1e-12);
+  }
+}
+
+TEST(CarryToYTest, TakesMeansAndFillsFromTheNearest) {
+  // A strip of 5 x 2 vertices, 0 to 4 in the first row.
+  const TriangleMesh y = PlaneGrid(4, 1, 4, 1);
+  const std::vector<float> on_x = {1, 3, 8, kNone, 5};
+  const VertexMap y_from_x = {0, 0, 4, 4, kNoVertex};
+  const std::vector<float> on_y = CarryToY(on_x, y_from_x, y);
+  EXPECT_EQ(on_y[0], 2);
+  EXPECT_EQ(on_y[1], 2);
+  EXPECT_EQ(on_y[3], 8);
+  EXPECT_EQ(on_y[4], 8);
+}
+
+TEST(CarryToYTest, NothingIsCarriedWhereNothingLeads) {
+  const TriangleMesh y = PlaneGrid(4, 1, 4, 1);
+  EXPECT_THAT(CarryToY({5}, {kNoVertex}, y), testing::Each(IsNan()));
+}
+
+TEST(PairViewTest, VerticesOfXHaveTheColoursOfTheirImages) {
+  PairView view;
+  view.colours_y = {{1, 2, 3}, {4, 5, 6}};
+  view.y_from_x = {1, kNoVertex, 0, 1};
+  EXPECT_THAT(ColoursOfX(view),
+              ElementsAre(Rgb{4, 5, 6}, kGrey, Rgb{1, 2, 3}, Rgb{4, 5, 6}));
+}
+
+TEST(PairViewTest, LayersAreColouredByTheirScale) {
+  ScalarLayer layer = {.id = "error", .low = 2, .high = 4};
+  for (int i = 0; i < 256; ++i) {
+    layer.palette[i] = {static_cast<std::uint8_t>(i), 0, 0};
+  }
+  EXPECT_THAT(LayerColours(layer, {2, 3, 4, 9, -9, kNone}),
+              ElementsAre(Rgb{0, 0, 0}, Rgb{128, 0, 0}, Rgb{255, 0, 0},
+                          Rgb{255, 0, 0}, Rgb{0, 0, 0}, kGrey));
+}
+
+TEST(PairViewTest, FindsLayersById) {
+  PairView view;
+  view.layers = {{.id = "error"}};
+  EXPECT_EQ(FindLayer(view, "error"), &view.layers[0]);
+  EXPECT_EQ(FindLayer(view, "colours"), nullptr);
+}
+
+}  // namespace
+}  // namespace isomatch

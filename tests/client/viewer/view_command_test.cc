@@ -1,0 +1,142 @@
+#include <string>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "client/map_file.h"
+#include "client/mesh_file.h"
+#include "client/text_file.h"
+#include "tests/client/run_isomatch.h"
+#include "tests/support/matchers.h"
+#include "tests/support/shapes.h"
+#include "tests/support/temporary_folder.h"
+
+namespace isomatch {
+namespace {
+
+using testing::HasSubstr;
+using testing::StartsWith;
+
+class ViewCommandTest : public testing::Test {
+ protected:
+  ViewCommandTest() {
+    const TriangleMesh mesh = BumpySphere(1);  // 42 vertices
+    EXPECT_THAT(WriteMesh(x_, mesh), IsOk());
+    EXPECT_THAT(WriteMesh(y_, mesh), IsOk());
+    std::string lines;
+    for (int i = 0; i < mesh.num_vertices(); ++i) {
+      lines += std::to_string(i) + "\n";
+    }
+    map_ = folder_.Write("map.txt", lines);
+  }
+
+  CommandOutcome View(std::vector<std::string> options) {
+    std::vector<std::string> arguments = {"view", x_, y_, map_};
+    arguments.insert(arguments.end(), options.begin(), options.end());
+    return RunIsomatch(arguments);
+  }
+
+  void ExpectUsageError(const std::vector<std::string>& options,
+                        const std::string& why) {
+    const int files = folder_.CountFiles();
+    const CommandOutcome outcome = View(options);
+    EXPECT_EQ(outcome.status, kExitUsage) << outcome.err;
+    EXPECT_THAT(outcome.err, HasSubstr(why));
+    EXPECT_EQ(folder_.CountFiles(), files);
+  }
+
+  std::string Numbers(int count, const std::string& number) {
+    std::string lines;
+    for (int i = 0; i < count; ++i) lines += number + "\n";
+    return lines;
+  }
+
+  TemporaryFolder folder_;
+  const std::string x_ = folder_.Path("x.off");
+  const std::string y_ = folder_.Path("y.off");
+  const std::string page_ = folder_.Path("page.html");
+  const std::string png_ = folder_.Path("picture.png");
+  std::string map_;
+};
+
+TEST_F(ViewCommandTest, WritesAPageAndAPicture) {
+  const CommandOutcome outcome =
+      View({"-o", page_, "--png", png_, "--size", "200x100"});
+  ASSERT_EQ(outcome.status, kExitSuccess) << outcome.err;
+  EXPECT_EQ(outcome.out, "");
+  EXPECT_EQ(outcome.err, "");
+  const std::string page = ReadFile(page_, "a page").value();
+  EXPECT_THAT(page, StartsWith("<!doctype html>"));
+  EXPECT_THAT(page, HasSubstr("<title>x.off \u2192 y.off</title>"));
+  EXPECT_THAT(ReadFile(png_, "a picture").value(), StartsWith("\x89PNG"));
+}
+
+TEST_F(ViewCommandTest, ShowsConfidenceErrorAndReport) {
+  const std::string confidence =
+      folder_.Write("c.txt", "# from match\n" + Numbers(42, "0.5"));
+  const std::string report =
+      folder_.Write("r.json", R"({"total_seconds": 1.25})");
+  const CommandOutcome outcome =
+      View({"-o", page_, "--png", png_, "--confidence", confidence, "--truth",
+            map_, "--report", report, "--title", "A & B", "--layer", "error",
+            "--up", "z"});
+  ASSERT_EQ(outcome.status, kExitSuccess) << outcome.err;
+  EXPECT_EQ(outcome.out, png_ + ": error, scale from 0 to 0.01\n");
+  const std::string page = ReadFile(page_, "a page").value();
+  for (const char* part :
+       {"<title>A &amp; B</title>", R"("id":"confidence")", R"("id":"error")",
+        R"("id":"distortion")", R"(["total time","1.25 s"])",
+        R"(["mean / diameter of Y","0.00000"])", R"("layer":"error")"}) {
+    EXPECT_THAT(page, HasSubstr(part));
+  }
+}
+
+TEST_F(ViewCommandTest, WrongUsageNamesTheOption) {
+  ExpectUsageError({}, "expected --output PAGE.html or --png PICTURE.png");
+  ExpectUsageError({"-o", page_, "--png", page_}, "is the file of --output");
+  ExpectUsageError({"-o", folder_.Path("no/page.html")}, "there is no folder");
+  ExpectUsageError({"-o", page_, "--layer", "colour"}, "--layer");
+  ExpectUsageError({"-o", page_, "--layer", "error"}, "needs --truth FILE");
+  ExpectUsageError({"-o", page_, "--layer", "confidence"},
+                   "needs --confidence FILE");
+  ExpectUsageError({"-o", page_, "--pattern", "dots"}, "--pattern");
+  ExpectUsageError({"-o", page_, "--up", "w"}, "--up");
+  for (const char* size : {"100", "63x100", "100x8193", "axb", "100x100x100"}) {
+    ExpectUsageError({"--png", png_, "--size", size}, "--size is '");
+  }
+}
+
+TEST_F(ViewCommandTest, WrongInputNamesFileAndLine) {
+  ExpectUsageError({"-o", page_, "--confidence", folder_.Path("none")},
+                   "no such file, expected confidence");
+  const auto with_file = [&](const std::string& option, const std::string& text,
+                             const std::string& why) {
+    const std::string path = folder_.Write("input", text);
+    ExpectUsageError({"-o", page_, option, path}, "'" + path + "'");
+    ExpectUsageError({"-o", page_, option, path}, why);
+  };
+  with_file("--confidence", Numbers(41, "1"), "41 numbers, expected 42");
+  with_file("--confidence", "1\n0.5 0.5\n", "line 2: found '0.5 0.5'");
+  for (const char* bad : {"1.01", "-0.1", "nan", "x"}) {
+    with_file("--confidence", bad, "expected one number from 0 to 1");
+  }
+  with_file("--truth", "0 42\n", "line 1: y is 42, expected -1 to 41");
+  with_file("--report", "[]", "expected an object");
+  map_ = folder_.Write("short.txt", Numbers(41, "0"));
+  ExpectUsageError({"-o", page_}, "41 entries, expected 42");
+  map_ = folder_.Write("far.txt", Numbers(42, "42"));
+  ExpectUsageError({"-o", page_}, "line 1: y is 42, expected -1 to 41");
+  map_ = folder_.Path("none.txt");
+  ExpectUsageError({"-o", page_}, "no such file");
+}
+
+TEST_F(ViewCommandTest, AMapMayLeaveAllOut) {
+  map_ = folder_.Write("none.txt", Numbers(42, "-1"));
+  const CommandOutcome outcome =
+      View({"-o", page_, "--png", png_, "--layer", "distortion"});
+  EXPECT_EQ(outcome.status, kExitSuccess) << outcome.err;
+}
+
+}  // namespace
+}  // namespace isomatch

@@ -1,0 +1,306 @@
+// Opens a page of `isomatch view` in headless Chromium, as a person would.
+//
+//   node view_page_test.js ISOMATCH FOLDER
+//
+// FOLDER gets the sample pair, the page and its screenshots. Exits with 77, which
+// CTest calls skipped, where there is no Chromium; with ISOMATCH_NEEDS_CHROMIUM
+// set, as scripts/test does after it installed one, that is a failure.
+import assert from 'node:assert/strict';
+import {execFileSync} from 'node:child_process';
+import {mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync} from 'node:fs';
+import {tmpdir} from 'node:os';
+import {join} from 'node:path';
+import {pathToFileURL} from 'node:url';
+import {findChromium, Page} from './chromium.js';
+
+const SKIPPED = 77;
+const WINDOW = {width: 1400, height: 1000};
+/** Differences of a channel that antialiasing does not make. */
+const CLEARLY = 40;
+
+const [isomatch, folder] = process.argv.slice(2);
+const file = (name) => join(folder, name);
+
+function makePage() {
+  mkdirSync(folder, {recursive: true});
+  const run = (...args) => execFileSync(isomatch, args, {stdio: ['ignore', 'ignore', 'inherit']});
+  run('sample', '--pose', 'A', '--vertices', '3000', '-o', file('a.off'));
+  run('sample', '--pose', 'B', '--vertices', '2000', '-o', file('b.off'),
+      '--truth-from', 'A:3000', '--truth', file('truth.txt'));
+  run('match', file('a.off'), file('b.off'), '-o', file('map.txt'), '--report', file('report.json'),
+      '--confidence', file('confidence.txt'), '--no-progress');
+  // One vertex without an image.
+  const map = readFileSync(file('map.txt'), 'utf8').trim().split('\n').map(Number);
+  map[7] = -1;
+  writeFileSync(file('map.txt'), `${map.join('\n')}\n`);
+  run('view', file('a.off'), file('b.off'), file('map.txt'), '-o', file('page.html'),
+      '--confidence', file('confidence.txt'), '--truth', file('truth.txt'),
+      '--report', file('report.json'));
+  return map;
+}
+
+/** How many pixels differ clearly, and where their middle is. */
+function difference(a, b) {
+  let [changed, x, y] = [0, 0, 0];
+  for (let i = 0; i < a.rgb.length; i += 3) {
+    const most = Math.max(...[0, 1, 2].map((c) => Math.abs(a.rgb[i + c] - b.rgb[i + c])));
+    if (most < CLEARLY) continue;
+    ++changed;
+    x += (i / 3) % a.width;
+    y += Math.floor(i / 3 / a.width);
+  }
+  return {changed, x: x / changed, y: y / changed};
+}
+
+/** Pixels that are not of the first one's colour, and how many colours there are. */
+function drawing({rgb}) {
+  const colours = new Set();
+  let covered = 0;
+  for (let i = 0; i < rgb.length; i += 3) {
+    colours.add(rgb.readUIntBE(i, 3));
+    if (rgb.compare(rgb, 0, 3, i, i + 3) !== 0) ++covered;
+  }
+  return {covered: 3 * covered / rgb.length, colours: colours.size};
+}
+
+/** How many tints there are, whatever their lightness; few pixels do not count. */
+function tints({rgb}) {
+  const counts = new Map();
+  for (let i = 0; i < rgb.length; i += 3) {
+    const [r, g, b] = rgb.subarray(i, i + 3);
+    const tint = `${Math.round(24 * r / (r + g + b))} ${Math.round(24 * g / (r + g + b))}`;
+    counts.set(tint, (counts.get(tint) ?? 0) + 1);
+  }
+  return [...counts.values()].filter((count) => count > 50).length;
+}
+
+const found = (page) => page.evaluate("document.getElementById('found').textContent");
+
+/** The drawing alone of a pane, without the name above and the focus around it. */
+async function shapeBox(page, side) {
+  const box = await page.box(`#pane-${side}`);
+  return {x: box.x + 8, y: box.y + 40, width: box.width - 16, height: box.height - 48};
+}
+
+/** Calls act(x, y) on a grid of points of a pane, until it returns true. */
+async function overPane(page, side, act) {
+  const box = await page.box(`#pane-${side}`);
+  for (let row = 3; row < 10; ++row) {
+    for (let column = 2; column < 15; ++column) {
+      if (await act(box.x + box.width * column / 16, box.y + box.height * row / 12)) return;
+    }
+  }
+}
+
+async function away(page) {
+  const {x, y, width} = await page.box('header');
+  await page.hover(x + width - 5, y + 5);
+  const pane = await page.box('#pane-x');
+  await page.hover(pane.x + 3, pane.y + pane.height - 3);
+}
+
+const checks = {
+  async 'both shapes are drawn in many colours'({page}) {
+    for (const side of ['x', 'y']) {
+      const {covered, colours} = drawing(await page.pixels(await shapeBox(page, side)));
+      assert.ok(covered > 0.08 && covered < 0.8, `${side} covers ${covered}`);
+      assert.ok(colours > 1000, `${side} has ${colours} colours`);
+    }
+  },
+
+  async 'pointing at X marks the image on Y'({page, map}) {
+    let hits = 0;
+    await overPane(page, 'x', async (x, y) => {
+      await page.hover(x, y);
+      const text = await found(page);
+      const match = /^X (\d+) \u2192 (?:Y (\d+)|no vertex of Y)/.exec(text);
+      if (!match) return false;
+      ++hits;
+      assert.equal(Number(match[2] ?? -1), map[Number(match[1])], text);
+      return hits === 12;
+    });
+    assert.equal(hits, 12, `${hits} points hit X`);
+  },
+
+  async 'the mark is under the pointer'({page}) {
+    const box = await page.box('#pane-x');
+    await away(page);
+    const before = await page.pixels(await shapeBox(page, 'x'));
+    let tried = 0;
+    await overPane(page, 'x', async (x, y) => {
+      await page.hover(x, y);
+      if (!/^X/.test(await found(page))) return false;
+      ++tried;
+      const area = await shapeBox(page, 'x');
+      const mark = difference(before, await page.pixels(area));
+      assert.ok(mark.changed > 20, `${mark.changed} pixels changed`);
+      const distance = Math.hypot(mark.x + Math.round(area.x) - x, mark.y + Math.round(area.y) - y);
+      assert.ok(distance < 0.05 * box.width, `the mark is ${distance} pixels away`);
+      return tried === 3;
+    });
+    assert.equal(tried, 3);
+  },
+
+  async 'pointing at Y marks all that go there'({page, map}) {
+    let several = 0;
+    await overPane(page, 'y', async (x, y) => {
+      await page.hover(x, y);
+      const text = await found(page);
+      const match = /^Y (\d+) \u2190 (?:X ([\d, ]+)(?: and (\d+) more)?|no vertex of X)/.exec(text);
+      if (!match) return false;
+      const expected = map.flatMap((image, from) => image === Number(match[1]) ? [from] : []);
+      const named = match[2] ? match[2].split(', ').map(Number) : [];
+      assert.deepEqual(named, expected.slice(0, 8), text);
+      assert.equal(named.length + Number(match[3] ?? 0), expected.length, text);
+      if (expected.length > 1) ++several;
+      return several === 3;
+    });
+    assert.equal(several, 3, `${several} points with more than one vertex of X`);
+  },
+
+  async 'a vertex can be chosen by number'({page, map}) {
+    await away(page);
+    const before = await page.pixels(await shapeBox(page, 'y'));
+    await page.evaluate("document.getElementById('vertex-x').select()");
+    for (const key of '123') await page.press(key);
+    assert.match(await found(page), new RegExp(`^X 123 \u2192 Y ${map[123]} `));
+    const mark = difference(before, await page.pixels(await shapeBox(page, 'y')));
+    assert.ok(mark.changed > 20, `${mark.changed} pixels changed`);
+    assert.equal(await page.evaluate("document.getElementById('vertex-y').value"), `${map[123]}`);
+    writeFileSync(file('page_chosen.png'), Buffer.from(await page.screenshot(), 'base64'));
+    await page.evaluate(`{ const input = document.getElementById('vertex-x');
+      input.value = 7; input.dispatchEvent(new Event('input')); }`);
+    assert.match(await found(page), /^X 7 \u2192 no vertex of Y/);
+  },
+
+  async 'layers switch'({page}) {
+    await away(page);
+    let last = await page.pixels(await shapeBox(page, 'x'));
+    for (const layer of ['distortion', 'confidence', 'error', 'colours']) {
+      await page.click(`label:has([value=${layer}])`);
+      assert.equal(await page.evaluate('document.body.dataset.layer'), layer);
+      const now = await page.pixels(await shapeBox(page, 'x'));
+      const {changed} = difference(last, now);
+      assert.ok(changed > 5000, `${layer} changes ${changed} pixels`);
+      last = now;
+      // The background is one, and so would be a single colour of a scale.
+      if (layer !== 'distortion') assert.ok(tints(now) > 3, `${layer} has ${tints(now)} tints`);
+      const hidden = await page.evaluate("document.getElementById('scale').hidden");
+      assert.equal(hidden, layer === 'colours');
+      writeFileSync(file(`page_${layer}.png`), Buffer.from(await page.screenshot(), 'base64'));
+    }
+  },
+
+  async 'patterns are drawn'({page}) {
+    await away(page);
+    const plain = await page.pixels(await shapeBox(page, 'x'));
+    const shots = [];
+    for (const pattern of ['stripes', 'checker', 'plain']) {
+      await page.evaluate(`{ const select = document.getElementById('pattern');
+        select.value = '${pattern}'; select.dispatchEvent(new Event('change', {bubbles: true})); }`);
+      await page.drawn();
+      shots.push(await page.pixels(await shapeBox(page, 'x')));
+      writeFileSync(file(`page_${pattern}.png`), Buffer.from(await page.screenshot(), 'base64'));
+    }
+    assert.ok(difference(plain, shots[0]).changed > 3000);
+    assert.ok(difference(shots[0], shots[1]).changed > 3000);
+    assert.equal(difference(plain, shots[2]).changed, 0);
+  },
+
+  async 'keys turn both shapes, or one when they are not linked'({page}) {
+    const shots = async () => [await page.pixels(await shapeBox(page, 'x')),
+                               await page.pixels(await shapeBox(page, 'y'))];
+    const changes = (a, b) => a.map((shot, i) => difference(shot, b[i]).changed > 500);
+    await away(page);
+    const first = await shots();
+    await page.evaluate("document.getElementById('pane-x').focus()");
+    for (let i = 0; i < 6; ++i) await page.press('ArrowRight');
+    const turned = await shots();
+    assert.deepEqual(changes(first, turned), [true, true]);
+    await page.click('#linked');
+    await page.evaluate("document.getElementById('pane-y').focus()");
+    for (let i = 0; i < 6; ++i) await page.press('+');
+    assert.deepEqual(changes(turned, await shots()), [false, true]);
+    await page.click('#linked');
+    await page.click('#reset');
+    assert.deepEqual(changes(first, await shots()), [false, false]);
+  },
+
+  async 'dragging turns both shapes'({page}) {
+    await away(page);
+    const before = await page.pixels(await shapeBox(page, 'y'));
+    const {x, y, width, height} = await page.box('#pane-x');
+    const at = {x: x + width / 2, y: y + height / 2};
+    await page.mouse('mousePressed', at.x, at.y, {button: 'left', buttons: 1, clickCount: 1});
+    await page.mouse('mouseMoved', at.x + 120, at.y, {button: 'left', buttons: 1});
+    await page.mouse('mouseReleased', at.x + 120, at.y, {button: 'left', clickCount: 1});
+    await page.drawn();
+    assert.ok(difference(before, await page.pixels(await shapeBox(page, 'y'))).changed > 500);
+    await page.click('#reset');
+  },
+
+  async 'histograms and figures are there'({page}) {
+    const report = JSON.parse(readFileSync(file('report.json'), 'utf8'));
+    assert.equal(await page.evaluate("document.querySelectorAll('#histograms svg').length"), 3);
+    assert.ok(await page.evaluate("document.querySelectorAll('#histogram-distortion rect').length") > 20);
+    const text = await page.evaluate("document.getElementById('figures').innerText");
+    assert.match(text, /vertices of X with an image\s+2999 of 3000/);
+    assert.ok(text.includes(`${report.total_seconds.toFixed(2)} s`), text);
+    assert.match(text, /mean \/ diameter of Y\s+0\.0\d+/);
+  },
+
+  async 'it is readable in the dark and on a narrow screen'({page}) {
+    const background = () => page.evaluate('getComputedStyle(document.body).backgroundColor');
+    const light = await background();
+    await page.send('Emulation.setEmulatedMedia',
+        {features: [{name: 'prefers-color-scheme', value: 'dark'}]});
+    assert.notEqual(await background(), light);
+    await page.drawn();
+    writeFileSync(file('page_dark.png'), Buffer.from(await page.screenshot(), 'base64'));
+    await page.send('Emulation.setDeviceMetricsOverride',
+        {width: 400, height: 900, deviceScaleFactor: 1, mobile: true});
+    await page.drawn();
+    assert.equal(await page.evaluate('document.documentElement.scrollWidth'), 400);
+    writeFileSync(file('page_narrow.png'), Buffer.from(await page.screenshot(), 'base64'));
+  },
+
+  async 'nothing was asked of the network and nothing went wrong'({page, address}) {
+    assert.deepEqual(page.problems, []);
+    const outside = page.requests.filter((url) => url !== address && !url.startsWith('data:'));
+    assert.deepEqual(outside, []);
+    assert.ok(page.requests.includes(address));
+  },
+};
+
+async function main() {
+  const chromium = findChromium();
+  if (!chromium) {
+    const needed = process.env.ISOMATCH_NEEDS_CHROMIUM;
+    console.log(`${needed ? 'FAILED' : 'Skipped'}: no chromium in PATH; scripts/test installs it.`);
+    return needed ? 1 : SKIPPED;
+  }
+  const map = makePage();
+  const profile = mkdtempSync(join(tmpdir(), 'isomatch_page_'));
+  const page = await Page.open(chromium, profile, WINDOW);
+  let failed = 0;
+  try {
+    const address = pathToFileURL(file('page.html')).href;
+    await page.send('Page.navigate', {url: address});
+    await page.until("document.body?.dataset.ready === 'true'");
+    await page.drawn();
+    writeFileSync(file('page.png'), Buffer.from(await page.screenshot(), 'base64'));
+    for (const [name, check] of Object.entries(checks)) {
+      await check({page, map, address}).then(() => console.log(`ok: ${name}`), (error) => {
+        ++failed;
+        console.log(`FAILED: ${name}\n${error.stack}`);
+      });
+    }
+    if (failed > 0) console.log('Problems of the page:', page.problems);
+  } finally {
+    await page.close();
+    rmSync(profile, {recursive: true, force: true});
+  }
+  return failed > 0 ? 1 : 0;
+}
+
+process.exit(await main());

@@ -1,0 +1,299 @@
+"""Client and Job: jobs that are started, watched, cancelled and fetched apart."""
+
+import asyncio
+import hashlib
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import unittest
+from unittest import mock
+
+import support
+
+import isomatch
+from isomatch import _draco, _messages, _transport
+from isomatch.mesh import as_mesh
+
+INTERRUPTED = """
+import sys, isomatch
+def show(status):
+    print(status.name, flush=True)
+isomatch.match(*sys.argv[2:4], server=sys.argv[1], profile="paper", on_progress=show)
+"""
+
+VANISHING = """
+import os, signal, isomatch
+print(isomatch.Client().server, flush=True)
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+class Cutting:
+    """A streaming RPC, sync or aio, whose first stream ends as one that the
+    server ends: cancelled, after one message."""
+
+    def __init__(self, rpc):
+        self._rpc = rpc
+        self.started_after = []
+
+    def __call__(self, request, **options):
+        self.started_after.append(request.after_sequence)
+        call = self._rpc(request, **options)
+        return call if len(self.started_after) > 1 else CutCall(call)
+
+
+class CutCall:
+    def __init__(self, call):
+        self._call = call
+        self.cancel = call.cancel
+        self.done = call.done
+
+    def __iter__(self):
+        for message in self._call:
+            yield message
+            self._call.cancel()
+
+    async def __aiter__(self):
+        async for message in self._call:
+            yield message
+            self._call.cancel()
+
+
+class JobsTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.server = cls.enterClassContext(support.Server("--ephemeral"))
+        cls.client = cls.enterClassContext(isomatch.Client(cls.server.address))
+
+    def test_a_job_is_watched_to_its_end(self):
+        job = self.client.submit(*support.pair())
+        sequences = [status.sequence for status in job.watch()]
+        self.assertEqual(sequences, sorted(set(sequences)))
+        self.assertIs(job.status.state, isomatch.JobState.SUCCEEDED)
+        self.assertLessEqual(job.status.start_time, job.status.end_time)
+
+    def test_a_result_can_be_fetched_by_its_name(self):
+        name = self.client.submit(*support.pair()).name
+        with isomatch.Client(self.server.address) as other:
+            result = other.job(name).result()
+        self.assertEqual(
+            support.as_map_file(result.y_from_x), support.map_of_command_line(*support.pair())
+        )
+
+    def test_several_jobs_are_followed_in_one_event_loop(self):
+        async def follow(job):
+            return [status async for status in job.progress()]
+
+        async def follow_all(jobs):
+            return await asyncio.gather(*map(follow, jobs))
+
+        jobs = [self.client.submit(*support.pair(), random_seed=seed) for seed in (1, 2)]
+        for seen in asyncio.run(follow_all(jobs)):
+            self.assertIs(seen[-1].state, isomatch.JobState.SUCCEEDED)
+            self.assertGreater(len(seen), 1)
+
+    def test_leaving_an_async_watch_does_not_end_the_job(self):
+        async def first(job):
+            async for status in job.progress():
+                return status
+
+        job = self.client.submit(*support.pair())
+        self.assertFalse(asyncio.run(first(job)).is_terminal)
+        job.result()
+
+    def test_a_lost_watch_goes_on_after_what_was_seen(self):
+        job = self.client.submit(*support.pair())
+        rpcs = job._transport.rpcs
+        cutting = Cutting(rpcs.WatchJob)
+        with mock.patch.object(rpcs, "WatchJob", cutting):
+            sequences = [status.sequence for status in job.watch()]
+        self.assertEqual(cutting.started_after, [0, sequences[0]])
+        self.assertEqual(sequences, sorted(set(sequences)))
+
+    def test_a_lost_async_watch_goes_on_after_what_was_seen(self):
+        async def follow(job):
+            return [status.sequence async for status in job.progress()]
+
+        job = self.client.submit(*support.pair())
+        made = []
+
+        class CuttingRpcs(_transport.Rpcs):
+            def __init__(self, channel):
+                super().__init__(channel)
+                self.WatchJob = Cutting(self.WatchJob)
+                made.append(self.WatchJob)
+
+        with mock.patch.object(_transport, "Rpcs", CuttingRpcs):
+            sequences = asyncio.run(follow(job))
+        self.assertEqual(made[0].started_after, [0, sequences[0]])
+        self.assertEqual(sequences, sorted(set(sequences)))
+
+    def test_a_cancelled_job_has_no_result(self):
+        job = self.client.submit(*support.slow_pair(), **support.SLOW)
+        job.cancel()
+        with self.assertRaises(isomatch.JobCancelled):
+            job.result()
+        self.assertIs(job.cancel().state, isomatch.JobState.CANCELLED)
+
+    def test_jobs_are_found_by_label_and_state(self):
+        labels = {"test": "found_by_label"}
+        names = [self.client.submit(*support.pair(), labels=labels).name for _ in range(3)]
+        for name in names:
+            self.client.job(name).result()
+        found = self.client.jobs(labels=labels, page_size=2)
+        self.assertEqual([status.name for status in found], names[::-1])
+        failed = self.client.jobs(labels=labels, states=[isomatch.JobState.FAILED])
+        self.assertEqual(list(failed), [])
+
+    def test_a_deleted_job_is_unknown(self):
+        job = self.client.submit(*support.pair())
+        job.result()
+        job.delete()
+        with self.assertRaises(isomatch.NotFound) as caught:
+            self.client.job(job.name)
+        self.assertEqual(caught.exception.reason, "JOB_NOT_FOUND")
+
+    def test_an_uploaded_mesh_is_matched_by_its_name(self):
+        x, y = support.pair()
+        template = self.client.upload(x)
+        result = self.client.submit(template, y).result()
+        self.assertEqual(support.as_map_file(result.y_from_x), support.map_of_command_line(x, y))
+
+    def test_meshes_beyond_one_request_are_uploaded(self):
+        x, y = support.pair()
+        limits = self.client.info().limits
+        small = mock.Mock(max_request_bytes=1000, max_chunk_bytes=limits.max_chunk_bytes)
+        with (
+            mock.patch.object(self.client, "_known_limits", small),
+            mock.patch.object(self.client, "_upload", wraps=self.client._upload) as upload,
+        ):
+            job = self.client.submit(x, y)
+        self.assertEqual(upload.call_count, 2)
+        self.assertEqual(
+            support.as_map_file(job.result().y_from_x), support.map_of_command_line(x, y)
+        )
+
+    def test_an_upload_that_broke_off_goes_on(self):
+        vertices, faces = isomatch.read_mesh(support.sample("C", 1000))
+        mesh = as_mesh((2 * vertices, faces), "mesh")
+        data = _draco.encode(mesh.positions, mesh.faces).data
+        digest = _messages.Digest(
+            sha256=hashlib.sha256(data).hexdigest(), size_bytes=len(data)
+        )
+        self.assertEqual(self.client._find_received(digest), 0)
+        rpcs = self.client._transport.rpcs
+
+        def broken():
+            yield _messages.UploadMeshRequest(header=digest)
+            yield _messages.UploadMeshRequest(chunk=data[:10_000])
+            raise OSError("the cable")
+
+        with self.assertRaises(Exception):
+            rpcs.UploadMesh(broken())
+        offsets = []
+
+        def counting(messages, **options):
+            messages = list(messages)
+            offsets.append(messages[0].offset)
+            return upload(iter(messages), **options)
+
+        upload = rpcs.UploadMesh
+        with mock.patch.object(rpcs, "UploadMesh", counting):
+            self.client.upload((2 * vertices, faces))
+        self.assertEqual(offsets, [10_000])
+        self.assertIsNone(self.client._find_received(digest))
+
+    def test_an_interrupted_match_cancels_its_job(self):
+        x, y = support.slow_pair()
+        process = subprocess.Popen(
+            [sys.executable, "-c", INTERRUPTED, self.server.address, x, y],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        name = process.stdout.readline().strip()
+        process.send_signal(signal.SIGINT)
+        _, stderr = process.communicate(timeout=30)
+        self.assertIn("KeyboardInterrupt", stderr)
+        # At once, not when the server sees that nobody watches.
+        status = self.client.job(name).status
+        self.assertIs(status.state, isomatch.JobState.CANCELLED)
+
+
+class LostServerTest(unittest.TestCase):
+    def test_a_watch_goes_on_after_the_server_was_killed(self):
+        with (
+            tempfile.TemporaryDirectory() as data,
+            support.Server(f"--data-dir={data}") as server,
+            isomatch.Client(server.address) as client,
+        ):
+            job = client.submit(*support.slow_pair(), solved_vertices=1500, **support.SLOW)
+            killed = False
+            sequences = []
+            for status in job.watch():
+                sequences.append(status.sequence)
+                if not killed and status.stage_fraction > 0:
+                    killed = True
+                    server.kill()
+                    server.start()
+            self.assertIs(job.status.state, isomatch.JobState.SUCCEEDED)
+            self.assertEqual(job.status.attempt, 2)
+            self.assertEqual(sequences, sorted(set(sequences)))
+            self.assertEqual(len(job.result().y_from_x), 3000)
+
+    def test_an_async_watch_goes_on_after_the_server_was_killed(self):
+        async def follow(job, server):
+            killed = False
+            async for status in job.progress():
+                if not killed:
+                    killed = True
+                    server.kill()
+                    server.start()
+
+        with (
+            tempfile.TemporaryDirectory() as data,
+            support.Server(f"--data-dir={data}") as server,
+            isomatch.Client(server.address) as client,
+        ):
+            job = client.submit(*support.pair())
+            asyncio.run(follow(job, server))
+            self.assertIs(job.status.state, isomatch.JobState.SUCCEEDED)
+
+    def test_a_server_that_stays_away_is_given_up(self):
+        with support.Server("--ephemeral") as server:
+            client = isomatch.Client(server.address, patience=0.5)
+            job = client.submit(*support.slow_pair(), **support.SLOW)
+        with self.assertRaises(isomatch.Unavailable):
+            list(job.watch())
+        with self.assertRaisesRegex(isomatch.Unavailable, "expected a running isomatch-server"):
+            client.info()
+
+    def test_the_embedded_server_ends_with_its_process(self):
+        process = subprocess.run(
+            [sys.executable, "-c", VANISHING], stdout=subprocess.PIPE, text=True, timeout=30
+        )
+        self.assertEqual(process.returncode, -signal.SIGKILL)
+        client = isomatch.Client(process.stdout.strip(), patience=0.2)
+        for _ in range(50):
+            try:
+                client.info()
+            except isomatch.Unavailable:
+                return
+        self.fail("it still answers")
+
+    def test_without_a_binary_the_error_tells_where_it_is_looked_for(self):
+        environment = {**os.environ, "ISOMATCH_SERVER_BINARY": "/nowhere"}
+        process = subprocess.run(
+            [sys.executable, "-c", "import isomatch; isomatch.Client()"],
+            env=environment,
+            stderr=subprocess.PIPE,
+            text=True,
+            timeout=30,
+        )
+        self.assertIn("ServerNotStarted: ISOMATCH_SERVER_BINARY=/nowhere", process.stderr)
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,144 @@
+"""isomatch.match against real servers: what comes back, in whose numbers."""
+
+import hashlib
+import types
+import unittest
+
+import numpy as np
+import support
+
+import isomatch
+from isomatch import result as parts
+
+
+class MatchTest(unittest.TestCase):
+    """With the embedded server."""
+
+    def test_files_give_the_bytes_of_the_command_line(self):
+        x, y = support.pair()
+        result = isomatch.match(x, y)
+        self.assertEqual(support.as_map_file(result.y_from_x), support.map_of_command_line(x, y))
+        self.assertGreater((result.y_from_x == support.truth()).mean(), 0.7)
+
+    def test_decimated_meshes_give_the_bytes_of_the_command_line(self):
+        # Decimation depends on the order of faces, which Draco does not keep.
+        x, y = support.sample("A", 1000), support.sample("C", 6000)
+        result = isomatch.match(x, y)
+        self.assertEqual(support.as_map_file(result.y_from_x), support.map_of_command_line(x, y))
+
+    def test_arrays_and_objects_give_what_files_give(self):
+        x, y = support.pair()
+        vertices, faces = isomatch.read_mesh(y)
+        trimesh_like = types.SimpleNamespace(vertices=vertices, faces=faces)
+        result = isomatch.match(isomatch.read_mesh(x), trimesh_like)
+        self.assertEqual(support.as_map_file(result.y_from_x), support.map_of_command_line(x, y))
+
+    def test_the_map_is_in_the_numbers_of_the_arrays(self):
+        x, y = support.pair()
+        vertices, faces = isomatch.read_mesh(y)
+        # Y upside down: vertex i becomes n - 1 - i, and 50 of it are on no face.
+        last = len(vertices) - 1
+        spare = np.tile([[9.0, 9.0, 9.0]], (50, 1))
+        result = isomatch.match(x, (np.vstack([vertices[::-1], spare]), last - faces))
+        agree = last - result.y_from_x == isomatch.match(x, y).y_from_x
+        self.assertGreater(agree.mean(), 0.9)
+
+    def test_vertices_on_no_face_are_unmatched(self):
+        x, y = support.pair()
+        vertices, faces = isomatch.read_mesh(x)
+        # Few of them travel, many do not: then vertices carry their numbers.
+        for spare in (3, 8 * len(vertices)):
+            with self.subTest(spare=spare):
+                longer = np.vstack([np.zeros((spare, 3)), vertices])
+                result = isomatch.match((longer, faces + spare), y)
+                self.assertTrue((result.y_from_x[:spare] == -1).all())
+                self.assertEqual(
+                    support.as_map_file(result.y_from_x[spare:]),
+                    support.map_of_command_line(x, y),
+                )
+                self.assertEqual(result.info.unmatched, spare)
+                carried = result.transfer(np.ones(900), missing=np.nan)
+                self.assertEqual(np.isnan(carried).sum(), spare)
+
+    def test_landmarks_are_kept_or_reported(self):
+        true = support.truth()
+        result = isomatch.match(
+            *support.pair(), landmarks=[(7, true[7]), (300, true[300]), (500, true[20])]
+        )
+        kept = [outcome.kept for outcome in result.info.landmarks]
+        self.assertEqual(kept, [True, True, False])
+        self.assertEqual(result.y_from_x[7], true[7])
+        self.assertEqual(result.y_from_x[500], result.info.landmarks[2].y_found)
+
+    def test_exact_landmarks_are_all_kept(self):
+        wrong = support.truth()[20]
+        result = isomatch.match(
+            *support.pair(), landmarks=np.array([[500, wrong]]), landmarks_exact=True
+        )
+        self.assertEqual(result.y_from_x[500], wrong)
+
+    def test_progress_does_not_fall_and_ends(self):
+        seen = []
+        isomatch.match(*support.pair(), on_progress=seen.append)
+        fractions = [status.total_fraction for status in seen]
+        self.assertEqual(fractions, sorted(fractions))
+        self.assertIs(seen[-1].state, isomatch.JobState.SUCCEEDED)
+
+    def test_parts_come_when_asked_for(self):
+        bare = isomatch.match(*support.pair(), confidence=False)
+        self.assertIsNone(bare.confidence)
+        self.assertIsNone(bare.precise)
+        full = isomatch.match(*support.pair(), precise=True, functional_map=True)
+        self.assertEqual(full.confidence.shape, (1000,))
+        self.assertTrue(((full.confidence >= 0) & (full.confidence <= 1)).all())
+        np.testing.assert_allclose(full.precise.weights.sum(axis=1), 1, atol=1e-5)
+        k = len(full.functional_map.eigenvalues_x)
+        self.assertEqual(full.functional_map.fmap_x_from_y.shape, (k, k))
+        self.assertLess(full.functional_map.eigenvalues_y[0], 1e-6)
+
+    def test_values_are_carried_from_y_to_x(self):
+        x, y = support.pair()
+        result = isomatch.match(x, y, precise=True)
+        places, _ = isomatch.read_mesh(y)
+        labels = np.arange(len(places))
+        np.testing.assert_array_equal(result.transfer(labels), result.y_from_x)
+        nearest = result.transfer(places)
+        between = result.transfer(places, interpolate=True)
+        # Within an edge of each other.
+        self.assertLess(np.linalg.norm(nearest - between, axis=1).max(), 0.2)
+        self.assertGreater(np.abs(nearest - between).max(), 0)
+        with self.assertRaisesRegex(isomatch.InvalidInput, "expected 900 rows"):
+            result.transfer(labels[1:])
+
+    def test_options_reach_the_server(self):
+        result = isomatch.match(*support.pair(), random_seed=7, solved_vertices=500)
+        self.assertEqual(result.info.random_seed, 7)
+        again = isomatch.match(*support.pair(), random_seed=7)
+        self.assertFalse((result.y_from_x == again.y_from_x).all())
+
+
+class DamagedResultTest(unittest.TestCase):
+    def test_parts_of_another_size_or_with_foreign_vertices_are_refused(self):
+        vertices = np.array([5, 0xFFFFFFFF], "<u4").tobytes()
+        np.testing.assert_array_equal(parts.decode_map(vertices, 2, 6), [5, -1])
+        for decode, data, said in (
+            (parts.decode_map, vertices + b"\0", "9 bytes, expected 8 bytes"),
+            (parts.decode_map, np.array([6, 0], "<u4").tobytes(), "vertex 6, expected less than 6"),
+            (parts.decode_precise, b"\0" * 47, "47 bytes"),
+            (parts.decode_precise, b"\6" * 48, "expected less than 6"),
+            (parts.decode_confidence, b"\0" * 12, "12 bytes"),
+            (parts.decode_functional_map, b"\2\0\0\0", "4 bytes"),
+        ):
+            with self.assertRaisesRegex(isomatch.DataLoss, said):
+                decode(data, 2, 6)
+
+    def test_bytes_of_another_digest_are_refused(self):
+        digest = types.SimpleNamespace(size_bytes=4, sha256=hashlib.sha256(b"map.").hexdigest())
+        isomatch.Job._verify("map", b"map.", digest)
+        for damaged in (b"map", b"map!"):
+            with self.assertRaisesRegex(isomatch.DataLoss, "the map arrived damaged"):
+                isomatch.Job._verify("map", damaged, digest)
+
+
+if __name__ == "__main__":
+    unittest.main()

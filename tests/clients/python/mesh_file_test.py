@@ -1,0 +1,127 @@
+"""isomatch.read_mesh: files as they come, and damaged ones."""
+
+import struct
+import unittest
+
+import numpy as np
+import support
+
+import isomatch
+
+# A house: a square, a roof of two triangles' height, and a vertex on no face.
+VERTICES = [[0, 0, 0], [2, 0, 0], [2, 2, 0.5], [0, 2, 0], [1, 3.25, 0], [9, 9, 9]]
+# The square's shorter diagonal is 1-3.
+TRIANGLES = [[1, 2, 3], [1, 3, 0], [2, 4, 3]]
+
+OFF = """OFF # a comment
+6 2 0
+0 0 0
+2 0 0
+2 2 0.5
+
+0 2 0
+1 3.25 0
+9 9 9
+4 0 1 2 3
+3 2 4 3 255 0 0
+"""
+
+OBJ = """o house
+v 0 0 0
+v 2 0 0
+v 2 2 0.5
+v 0 2 0
+vt 0.5 0.5
+v 1 3.25 0
+f 1/1/1 2//2 3 4
+f -3 -1 -2
+v 9 9 9
+"""
+
+PLY_HEADER = """ply
+format {} 1.0
+comment made by hand
+element vertex 6
+property {} x
+property {} y
+property {} z
+property uchar red
+element face {}
+property list uchar int vertex_indices
+end_header
+"""
+
+
+def ply_ascii():
+    rows = "".join(f"{x} {y} {z} 7\n" for x, y, z in VERTICES)
+    return (PLY_HEADER.format("ascii", *["float"] * 3, 2) + rows + "4 0 1 2 3\n3 2 4 3\n").encode()
+
+
+def ply_binary(order, name, faces):
+    rows = b"".join(struct.pack(order + "dddB", *vertex, 7) for vertex in VERTICES)
+    lists = b"".join(struct.pack(f"{order}B{len(f)}i", len(f), *f) for f in faces)
+    return PLY_HEADER.format(name, *["double"] * 3, len(faces)).encode() + rows + lists
+
+
+class ReadMeshTest(unittest.TestCase):
+    def write(self, name, data):
+        path = support.folder() / name
+        path.write_bytes(data if isinstance(data, bytes) else data.encode())
+        return path
+
+    def expect_house(self, path):
+        vertices, faces = isomatch.read_mesh(path)
+        np.testing.assert_array_equal(vertices, VERTICES)
+        np.testing.assert_array_equal(faces, TRIANGLES)
+
+    def test_every_format_gives_the_same_mesh(self):
+        polygons = [[0, 1, 2, 3], [2, 4, 3]]
+        files = {
+            "house.off": OFF,
+            "house.OBJ": OBJ,
+            "ascii.ply": ply_ascii(),
+            "little.ply": ply_binary("<", "binary_little_endian", polygons),
+            "big.ply": ply_binary(">", "binary_big_endian", polygons),
+            "triangles.ply": ply_binary("<", "binary_little_endian", TRIANGLES),
+        }
+        for name, data in files.items():
+            with self.subTest(name=name):
+                self.expect_house(self.write(name, data))
+
+    def test_polygons_are_cut_as_the_command_line_cuts_them(self):
+        # The isolated vertex shows in the count of the unmatched.
+        path = self.write("house.off", OFF)
+        output = support.folder() / "house.txt"
+        support.run_isomatch("match", path, path, "-o", output, "--no-progress")
+        result = isomatch.match(path, path)
+        self.assertEqual(support.as_map_file(result.y_from_x), output.read_bytes())
+        self.assertEqual(result.info.mesh_x.faces, 3)
+
+    def test_a_pentagon_becomes_a_fan(self):
+        text = "OFF\n5 1 0\n0 0 0\n2 0 0\n3 1 0\n2 2 0\n0 2 0\n5 0 1 2 3 4\n"
+        _, faces = isomatch.read_mesh(self.write("pentagon.off", text))
+        self.assertEqual(faces.tolist(), [[0, 1, 2], [0, 2, 3], [0, 3, 4]])
+
+    def test_damaged_files_name_the_file_and_what_was_expected(self):
+        damaged = {
+            "cut.off": (OFF[:60], "expected 6 vertices and 2 faces"),
+            "not.off": ("COFF\n0 0 0\n", "expected OFF"),
+            "words.off": (OFF.replace("3.25", "tall"), "tall"),
+            "edge.off": (OFF.replace("3 2 4 3 255 0 0", "2 0 1"), "face 1 has 2 corners"),
+            "cut.ply": (ply_binary("<", "binary_little_endian", TRIANGLES)[:-3], "buffer"),
+            "none.ply": ("ply\n", "end_header"),
+            "flat.ply": (ply_ascii().replace(b" z\n", b" w\n"), "no property z"),
+            "bad.obj": ("v 0 0\nf 1 2 3\n", "not a mesh"),
+            "mesh.stl": ("solid", "expected .off, .obj or .ply"),
+        }
+        for name, (data, said) in damaged.items():
+            with self.subTest(name=name):
+                path = self.write(name, data)
+                with self.assertRaises(isomatch.InvalidInput) as caught:
+                    isomatch.read_mesh(path)
+                self.assertIn(str(path), str(caught.exception))
+                self.assertIn(said, str(caught.exception))
+
+
+if __name__ == "__main__":
+    unittest.main()

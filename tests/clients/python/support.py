@@ -1,0 +1,161 @@
+"""What the tests of the clients share: the sample meshes and real servers.
+
+The binaries are those that ISOMATCH_BINARY and ISOMATCH_SERVER_BINARY name.
+"""
+
+import atexit
+import ctypes
+import functools
+import os
+import pathlib
+import re
+import shutil
+import signal
+import subprocess
+import tempfile
+import threading
+import time
+
+import numpy as np
+
+import isomatch
+
+CLIENT_BINARY = os.environ["ISOMATCH_BINARY"]
+SERVER_BINARY = os.environ["ISOMATCH_SERVER_BINARY"]
+
+#: A profile that takes seconds on the slow pair, so that there is something to
+#: interrupt.
+SLOW = {"profile": "paper"}
+
+_PR_SET_PDEATHSIG = 1
+
+
+def _end_with_the_test() -> None:
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
+class Server:
+    """A real server; `with Server("--ephemeral") as server: server.address`."""
+
+    def __init__(self, *flags: str, listen: str = "127.0.0.1:0") -> None:
+        self._flags = [f"--listen={listen}", "--metrics-listen=off", *flags]
+        self._process: subprocess.Popen[str]
+        self.address = ""
+        self.start()
+
+    def start(self) -> None:
+        """Again at the address that it had before, if there was one."""
+        self._process = subprocess.Popen(
+            [SERVER_BINARY, *self._flags],
+            stderr=subprocess.PIPE,
+            text=True,
+            preexec_fn=_end_with_the_test,
+        )
+        log = []
+        for line in self._process.stderr:
+            log.append(line)
+            found = re.search(r"listens on (\S+)", line)
+            if found:
+                self.address = found.group(1)
+                self._flags[0] = f"--listen={self.address}"
+                # Its log must not fill the pipe.
+                threading.Thread(target=self._process.communicate, daemon=True).start()
+                return
+        raise RuntimeError(f"the server did not start: {''.join(log)}")
+
+    def kill(self) -> None:
+        self._process.kill()
+        self._process.wait()
+
+    def __enter__(self) -> "Server":
+        return self
+
+    def __exit__(self, *exc_info: object) -> None:
+        self.kill()
+
+
+def run_isomatch(*arguments: str | os.PathLike[str]) -> None:
+    subprocess.run([CLIENT_BINARY, *arguments], check=True, timeout=120)
+
+
+@functools.cache
+def folder() -> pathlib.Path:
+    """Of this process, removed at its end."""
+    path = tempfile.mkdtemp(prefix="isomatch-clients-")
+    atexit.register(shutil.rmtree, path)
+    return pathlib.Path(path)
+
+
+@functools.cache
+def sample(pose: str, vertices: int) -> pathlib.Path:
+    path = folder() / f"{pose}{vertices}.off"
+    run_isomatch("sample", "--pose", pose, "--vertices", str(vertices), "-o", path)
+    return path
+
+
+def pair() -> tuple[pathlib.Path, pathlib.Path]:
+    return sample("A", 1000), sample("B", 900)
+
+
+def slow_pair() -> tuple[pathlib.Path, pathlib.Path]:
+    return sample("A", 3000), sample("B", 3000)
+
+
+@functools.cache
+def truth() -> np.ndarray:
+    """For each vertex of pair()'s X its vertex of Y."""
+    path = folder() / "truth.txt"
+    run_isomatch(
+        "sample", "--pose", "B", "--vertices", "900", "-o", folder() / "again.off",
+        "--truth-from", "A:1000", "--truth", path,
+    )  # fmt: skip
+    return np.loadtxt(path, dtype=int)
+
+
+def sheet(side: int) -> tuple[np.ndarray, np.ndarray]:
+    """A wavy sheet of side x side vertices, numbered at random."""
+    u, v = np.meshgrid(np.arange(side), np.arange(side))
+    height = np.sin(0.7 * u) * np.cos(0.4 * v)
+    vertices = np.stack([u, v, height], axis=-1).reshape(-1, 3).astype(np.float32)
+    corner = (u + side * v)[:-1, :-1].ravel()
+    lower = np.stack([corner, corner + 1, corner + side], axis=1)
+    upper = np.stack([corner + 1, corner + side + 1, corner + side], axis=1)
+    new_from_old = np.random.default_rng(1).permutation(side * side)
+    renumbered = np.empty_like(vertices)
+    renumbered[new_from_old] = vertices
+    return renumbered, new_from_old[np.vstack([lower, upper])]
+
+
+def write_ply(path: pathlib.Path, vertices: np.ndarray, faces: np.ndarray) -> pathlib.Path:
+    """Binary; returns the path."""
+    rows = np.empty(len(faces), [("count", "u1"), ("corners", "<i4", 3)])
+    rows["count"], rows["corners"] = 3, faces
+    header = (
+        f"ply\nformat binary_little_endian 1.0\nelement vertex {len(vertices)}\n"
+        "property float x\nproperty float y\nproperty float z\n"
+        f"element face {len(faces)}\nproperty list uchar int vertex_indices\nend_header\n"
+    )
+    path.write_bytes(header.encode() + vertices.astype("<f4").tobytes() + rows.tobytes())
+    return path
+
+
+@functools.cache
+def map_of_command_line(x: pathlib.Path, y: pathlib.Path) -> bytes:
+    """The file that `isomatch match` writes."""
+    path = folder() / f"{x.stem}-{y.stem}.txt"
+    run_isomatch("match", x, y, "-o", path, "--no-progress")
+    return path.read_bytes()
+
+
+def as_map_file(y_from_x: np.ndarray) -> bytes:
+    return "".join(f"{y}\n" for y in y_from_x).encode()
+
+
+def wait_for_state(
+    job: isomatch.Job, state: isomatch.JobState, seconds: float
+) -> isomatch.JobStatus:
+    """Polls; returns the last snapshot."""
+    end = time.monotonic() + seconds
+    while job.refresh().state is not state and time.monotonic() < end:
+        time.sleep(0.02)
+    return job.status

@@ -1,0 +1,143 @@
+"""docker/kubernetes: settings judged by the real server, and whether parts fit."""
+
+import unittest
+
+import deployment
+from deployment import ROOT
+
+PROBES = ("startupProbe", "readinessProbe", "livenessProbe")
+
+
+def manifests():
+    """Returns the objects by kind; each kind is there once."""
+    found = {}
+    for path in sorted((ROOT / "docker/kubernetes").glob("*.yaml")):
+        for document in deployment.documents(path):
+            assert document["kind"] not in found, f"{path}: a second {document['kind']}"
+            found[document["kind"]] = document
+    return found
+
+
+class KubernetesTest(unittest.TestCase):
+    def setUp(self):
+        self.objects = manifests()
+        self.spec = self.objects["StatefulSet"]["spec"]
+        self.pod = self.spec["template"]["spec"]
+        [self.container] = self.pod["containers"]
+        text = self.objects["ConfigMap"]["data"]["server.toml"]
+        self.config = deployment.effective_text(text, {})
+
+    def test_all_live_in_the_namespace(self):
+        namespace = self.objects.pop("Namespace")["metadata"]["name"]
+        for kind, thing in self.objects.items():
+            self.assertEqual(thing["metadata"]["namespace"], namespace, kind)
+
+    def test_the_server_needs_tls_and_keys_and_finds_them(self):
+        self.assertEqual(self.config["insecure"], "false")
+        for key in ("tls-cert", "tls-key", "api-keys"):
+            folder, _, name = self.config[key].rpartition("/")
+            [mount] = [m for m in self.container["volumeMounts"] if m["mountPath"] == folder]
+            [volume] = [v for v in self.pod["volumes"] if v["name"] == mount["name"]]
+            self.assertIn("secret", volume)
+            self.assertNotIn("subPath", mount)  # such a mount never changes
+            self.assertIn(name, ("tls.crt", "tls.key", "keys.txt"))
+
+    def test_the_configuration_is_where_the_image_looks(self):
+        [mount] = [m for m in self.container["volumeMounts"] if m["name"] == "config"]
+        [volume] = [v for v in self.pod["volumes"] if v["name"] == "config"]
+        self.assertEqual(mount["mountPath"], "/etc/isomatch")
+        self.assertEqual(
+            volume["configMap"]["name"], self.objects["ConfigMap"]["metadata"]["name"]
+        )
+
+    def test_every_mount_has_a_volume(self):
+        volumes = [volume["name"] for volume in self.pod["volumes"]]
+        volumes += [claim["metadata"]["name"] for claim in self.spec["volumeClaimTemplates"]]
+        self.assertEqual(sorted(volumes), sorted(m["name"] for m in self.container["volumeMounts"]))
+
+    def test_image_is_this_version(self):
+        self.assertEqual(
+            self.container["image"], f"isomatch-server:{deployment.project_version()}"
+        )
+
+    def test_memory_and_processors_fit_the_limits(self):
+        limits = self.container["resources"]["limits"]
+        budget = deployment.size(self.config["memory-budget"])
+        self.assertGreater(budget, 0)
+        self.assertLessEqual(budget, deployment.BUDGET_SHARE * deployment.size(limits["memory"]))
+        self.assertEqual(self.container["resources"]["requests"]["memory"], limits["memory"])
+        threads = int(self.config["workers"]) * int(self.config["threads-per-job"])
+        self.assertEqual(threads, int(limits["cpu"]))
+
+    def test_what_is_kept_fits_the_volume(self):
+        [claim] = self.spec["volumeClaimTemplates"]
+        kept = sum(
+            deployment.size(self.config[key]) for key in ("blob-store-bytes", "prepared-store-bytes")
+        )
+        self.assertLess(kept, deployment.size(claim["spec"]["resources"]["requests"]["storage"]))
+        [mount] = [m for m in self.container["volumeMounts"] if m["name"] == "data"]
+        self.assertEqual(mount["mountPath"], self.config["data-dir"])
+
+    def test_one_server_owns_the_volume(self):
+        self.assertEqual(self.spec["replicas"], 1)
+
+    def test_has_time_to_drain(self):
+        drain = deployment.seconds(self.config["drain-timeout"])
+        grace = self.pod["terminationGracePeriodSeconds"]
+        self.assertGreater(grace, drain + deployment.LAST_SECONDS)
+
+    def test_probes_ask_by_the_own_binary_for_longer_than_it_takes(self):
+        for name in PROBES:
+            probe = self.container[name]
+            self.assertEqual(
+                probe["exec"]["command"], ["/usr/bin/isomatch-server", "--health"], name
+            )
+            self.assertGreater(probe["timeoutSeconds"], 2, name)
+
+    def test_pod_is_restricted(self):
+        pod = self.pod["securityContext"]
+        container = self.container["securityContext"]
+        self.assertIs(pod["runAsNonRoot"], True)
+        self.assertEqual((pod["runAsUser"], pod["fsGroup"]), (10001, 10001))
+        self.assertEqual(pod["seccompProfile"], {"type": "RuntimeDefault"})
+        self.assertIs(container["allowPrivilegeEscalation"], False)
+        self.assertIs(container["readOnlyRootFilesystem"], True)
+        self.assertEqual(container["capabilities"], {"drop": ["ALL"]})
+        self.assertIs(self.pod["automountServiceAccountToken"], False)
+        labels = self.objects["Namespace"]["metadata"]["labels"]
+        self.assertEqual(labels["pod-security.kubernetes.io/enforce"], "restricted")
+
+    def test_ports_are_those_the_server_listens_on(self):
+        ports = {port["name"]: port["containerPort"] for port in self.container["ports"]}
+        self.assertEqual(
+            ports,
+            {
+                "grpc": deployment.port(self.config["listen"]),
+                "metrics": deployment.port(self.config["metrics-listen"]),
+            },
+        )
+        for entry in self.objects["Service"]["spec"]["ports"]:
+            self.assertIn(entry["targetPort"], ports)
+        for rule in self.objects["NetworkPolicy"]["spec"]["ingress"]:
+            for entry in rule["ports"]:
+                self.assertIn(entry["port"], ports)
+        annotations = self.spec["template"]["metadata"]["annotations"]
+        self.assertEqual(annotations["prometheus.io/port"], str(ports["metrics"]))
+
+    def test_selectors_find_the_pod(self):
+        labels = self.spec["template"]["metadata"]["labels"]
+        self.assertEqual(self.spec["selector"]["matchLabels"], labels)
+        self.assertEqual(self.objects["Service"]["spec"]["selector"], labels)
+        self.assertEqual(
+            self.objects["NetworkPolicy"]["spec"]["podSelector"]["matchLabels"], labels
+        )
+        self.assertEqual(self.spec["serviceName"], self.objects["Service"]["metadata"]["name"])
+
+    def test_the_server_calls_nobody(self):
+        policy = self.objects["NetworkPolicy"]["spec"]
+        self.assertEqual(policy["policyTypes"], ["Ingress", "Egress"])
+        self.assertEqual(policy["egress"], [])
+
+
+if __name__ == "__main__":
+    deployment.main()
