@@ -96,11 +96,6 @@ std::string ToJsonLine(const google::protobuf::Message& message) {
   return json + "\n";
 }
 
-std::string StateLabel(v1::Job::State state) {
-  return absl::AsciiStrToLower(
-      v1::Job::State_Name(state).substr(sizeof("STATE_") - 1));
-}
-
 absl::StatusOr<v1::Job::State> ParseState(const std::string& text) {
   std::vector<std::string> allowed;
   for (const v1::Job::State state : kStates) {

@@ -16,10 +16,8 @@ namespace isomatch {
 /// strings).
 std::string ToJsonLine(const google::protobuf::Message& message);
 
-/// "queued" for STATE_QUEUED.
-std::string StateLabel(v1::Job::State state);
-
-/// The reverse, in any case. INVALID_ARGUMENT lists what is allowed.
+/// The state that StateLabel gives `text` for, in any case. INVALID_ARGUMENT
+/// lists what is allowed.
 absl::StatusOr<v1::Job::State> ParseState(const std::string& text);
 
 /// "jobs/ID" for "jobs/ID" and for "ID".

@@ -21,8 +21,7 @@ std::string Label(const v1::Job& job) {
     case v1::Job::STATE_RUNNING:
       return StageLabel(job.progress().stage());
     default:
-      return absl::AsciiStrToLower(
-          v1::Job::State_Name(job.state()).substr(sizeof("STATE_") - 1));
+      return StateLabel(job.state());
   }
 }
 
@@ -55,6 +54,11 @@ std::string StageLabel(v1::Stage stage) {
   if (stage == v1::STAGE_UNSPECIFIED || name.empty()) return "starting";
   return absl::StrReplaceAll(
       absl::AsciiStrToLower(name.substr(sizeof("STAGE_") - 1)), {{"_", " "}});
+}
+
+std::string StateLabel(v1::Job::State state) {
+  return absl::AsciiStrToLower(
+      v1::Job::State_Name(state).substr(sizeof("STATE_") - 1));
 }
 
 std::optional<absl::Duration> ProgressDisplay::Left(const v1::Job& job,

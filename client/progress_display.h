@@ -25,6 +25,9 @@ ProgressStyle ProgressStyleFor(bool is_interactive, bool quiet);
 /// "first insertion" for STAGE_FIRST_INSERTION.
 std::string StageLabel(v1::Stage stage);
 
+/// "queued" for STATE_QUEUED.
+std::string StateLabel(v1::Job::State state);
+
 /// "45 s", "3 min", "2 h": what is left of something, for people.
 std::string FormatLeft(absl::Duration left);
 

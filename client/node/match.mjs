@@ -72,10 +72,9 @@ async function main() {
     profile: `PROFILE_${args.profile.toUpperCase()}`, randomSeed: args['random-seed'],
   };
   const {name} = await createJob(client, args.x, args.y, {options});
-  console.error(name);
-
   const cancel = () => call(client, 'CancelJob', {name}).catch(() => {});
   process.once('SIGINT', cancel);
+  console.error(name);
   if (args['cancel-after']) setTimeout(cancel, 1000 * args['cancel-after']).unref();
 
   const job = await follow(client, name);

@@ -21,7 +21,10 @@ class JobRecoveryTest : public JobManagerTest {
   }
 
   ~JobRecoveryTest() override {
-    workers_.Clear();  // their jobs have reservations of our budgets
+    // Their jobs have reservations of our budgets.
+    workers_.Clear();
+    timers_.Clear();
+    manager_.reset();
   }
 
   /// The process ends without a word and starts again.
