@@ -8,13 +8,12 @@
 #include "absl/status/statusor.h"
 #include "client/commands.h"
 #include "client/connection_flags.h"
+#include "client/embedded_server.h"
 #include "client/inspection_report.h"
 #include "client/isomatch_client.h"
 #include "client/mesh_file.h"
 #include "client/remote_server.h"
 #include "core/base/status_macros.h"
-#include "server/server.h"
-#include "server/server_config.h"
 
 namespace isomatch {
 namespace {
@@ -46,10 +45,8 @@ struct Arguments {
 
 absl::StatusOr<v1::GetServerInfoResponse> AskEmbedded(
     const std::stop_token& stop) {
-  ServerConfig config;
-  config.listen.clear();
   ISOMATCH_ASSIGN_OR_RETURN(const std::unique_ptr<Server> server,
-                            Server::Create(config));
+                            StartEmbeddedServer());
   return IsomatchClient(server->InProcessChannel()).GetServerInfo(stop);
 }
 

@@ -6,14 +6,13 @@
 #include "absl/status/statusor.h"
 #include "client/commands.h"
 #include "client/connection_flags.h"
+#include "client/embedded_server.h"
 #include "client/isomatch_client.h"
 #include "client/job_flags.h"
 #include "client/match_outputs.h"
 #include "client/progress_display.h"
 #include "client/remote_server.h"
 #include "core/base/status_macros.h"
-#include "server/server.h"
-#include "server/server_config.h"
 
 namespace isomatch {
 namespace {
@@ -60,14 +59,6 @@ struct Arguments {
   bool no_progress = false;
 };
 
-absl::StatusOr<std::unique_ptr<Server>> StartEmbedded(
-    const Arguments& arguments) {
-  ServerConfig config;
-  config.listen.clear();
-  config.threads_per_job = static_cast<int>(arguments.job.threads);
-  return Server::Create(config);
-}
-
 absl::StatusOr<MatchResult> RunMatch(
     const std::shared_ptr<grpc::Channel>& channel, const MatchRequest& request,
     const Arguments& arguments, const Terminal& terminal) {
@@ -92,7 +83,8 @@ absl::StatusOr<MatchResult> RunEmbedded(const MatchRequest& request,
                                         const Arguments& arguments,
                                         const Terminal& terminal) {
   ISOMATCH_ASSIGN_OR_RETURN(const std::unique_ptr<Server> server,
-                            StartEmbedded(arguments));
+                            StartEmbeddedServer(
+                                /*workers=*/1, arguments.job.threads));
   return RunMatch(server->InProcessChannel(), request, arguments, terminal);
 }
 
