@@ -20,13 +20,13 @@ absl::StatusOr<TriangleMesh> LoadMesh(const std::string& path,
   return std::move(loaded.mesh);
 }
 
-absl::Status CheckNotInput(const std::string& output,
+absl::Status CheckNotInput(const std::string& option, const std::string& output,
                            const std::vector<std::string>& inputs) {
   for (const std::string& input : inputs) {
     std::error_code error;
     if (!std::filesystem::equivalent(output, input, error) || error) continue;
     return absl::InvalidArgumentError(
-        absl::StrCat("--output '", output,
+        absl::StrCat(option, " '", output,
                      "': is a file that is read too, expected another"));
   }
   return absl::OkStatus();

@@ -15,8 +15,9 @@ absl::StatusOr<TriangleMesh> LoadMesh(const std::string& path,
                                       const std::string& field,
                                       std::vector<std::string>* warnings);
 
-/// INVALID_ARGUMENT when `output` is one of the files that are read.
-absl::Status CheckNotInput(const std::string& output,
+/// INVALID_ARGUMENT when `output`, the value of `option`, is one of the files
+/// that are read.
+absl::Status CheckNotInput(const std::string& option, const std::string& output,
                            const std::vector<std::string>& inputs);
 
 }  // namespace isomatch

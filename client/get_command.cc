@@ -46,7 +46,7 @@ absl::StatusOr<v1::Job> FindJob(const Arguments& arguments,
 }
 
 absl::Status Run(const Arguments& arguments, const Terminal& terminal) {
-  ISOMATCH_RETURN_IF_ERROR(CheckOutputs(arguments.outputs));
+  ISOMATCH_RETURN_IF_ERROR(CheckOutputs(arguments.outputs, {arguments.mesh_y}));
   if (NeedColors(arguments.outputs)) {
     return absl::InvalidArgumentError(
         "a map in a .ply file shows both meshes, which `get` does not know: "

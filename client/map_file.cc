@@ -149,12 +149,19 @@ absl::Status ParseJson(const std::string& path, const std::string& text,
   try {
     *json = Json::parse(text);
     return absl::OkStatus();
-  } catch (const Json::parse_error& error) {
-    return JsonError(
-        path, absl::StrCat("byte ", error.byte, ": not JSON (", error.what(),
-                           "), expected a map as `isomatch match` "
-                           "writes it"));
+  } catch (const Json::exception& error) {
+    return JsonError(path, absl::StrCat("not JSON (", error.what(),
+                                        "), expected a map as `isomatch match` "
+                                        "writes it"));
   }
+}
+
+// For errors: a number or a word as it stands, cut; of others, which may be
+// deep or large, only what they are.
+std::string Shown(const Json& json) {
+  if (!json.is_primitive()) return json.type_name();
+  return json.dump(-1, ' ', false, Json::error_handler_t::replace)
+      .substr(0, 40);
 }
 
 // Checks json[key], a number that the file must agree on.
@@ -164,7 +171,7 @@ absl::Status CheckJsonNumber(const std::string& path, const Json& json,
   if (found != json.end() && *found == expected) return absl::OkStatus();
   return JsonError(
       path,
-      absl::StrCat(key, " is ", found == json.end() ? "missing" : found->dump(),
+      absl::StrCat(key, " is ", found == json.end() ? "missing" : Shown(*found),
                    ", expected ", expected));
 }
 
@@ -189,12 +196,16 @@ absl::StatusOr<Entries> EntriesFromJson(const std::string& path,
   }
   ISOMATCH_RETURN_IF_ERROR(CheckJsonNumber(
       path, json, "vertices_x", static_cast<std::int64_t>(array->size())));
+  constexpr std::uint64_t kLargest = std::numeric_limits<std::int64_t>::max();
   Entries entries;
   for (const Json& entry : *array) {
-    if (!entry.is_number_integer()) {
-      return JsonError(path, absl::StrCat("y_from_x[", entries.values.size(),
-                                          "] is ", entry.dump().substr(0, 40),
-                                          ", expected a whole number"));
+    const bool is_whole = entry.is_number_unsigned()
+                              ? entry.get<std::uint64_t>() <= kLargest
+                              : entry.is_number_integer();
+    if (!is_whole) {
+      return JsonError(path,
+                       absl::StrCat("y_from_x[", entries.values.size(), "] is ",
+                                    Shown(entry), ", expected a whole number"));
     }
     entries.values.push_back(entry.get<std::int64_t>());
   }

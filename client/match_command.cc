@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "absl/strings/str_cat.h"
 #include "client/commands.h"
 #include "client/connection_flags.h"
 #include "client/embedded_server.h"
@@ -89,7 +90,8 @@ absl::StatusOr<MatchResult> RunEmbedded(const MatchRequest& request,
 }
 
 absl::Status Run(const Arguments& arguments, const Terminal& terminal) {
-  ISOMATCH_RETURN_IF_ERROR(CheckOutputs(arguments.outputs));
+  ISOMATCH_RETURN_IF_ERROR(CheckOutputs(
+      arguments.outputs, {arguments.x, arguments.y, arguments.landmarks}));
   std::optional<RemoteServer> server;
   if (!arguments.connection.server.empty()) {
     ISOMATCH_ASSIGN_OR_RETURN(
@@ -101,9 +103,15 @@ absl::Status Run(const Arguments& arguments, const Terminal& terminal) {
                                       arguments.landmarks, &request,
                                       &facts.warnings));
   if (NeedColors(arguments.outputs)) {
-    ISOMATCH_ASSIGN_OR_RETURN(
-        facts.colors_y,
-        ReadVertexColors(arguments.y, request.mesh_y.num_vertices()));
+    absl::StatusOr<std::optional<Colors>> colors =
+        ReadVertexColors(arguments.y, request.mesh_y.num_vertices());
+    if (colors.ok()) {
+      facts.colors_y = *std::move(colors);
+    } else {
+      facts.warnings.push_back(
+          absl::StrCat("Y has the colours of places: its own cannot be read: ",
+                       colors.status().message()));
+    }
   }
   SetJobFlags(arguments.job, &request);
   request.parts = PartsFor(arguments.outputs);

@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "client/command_support.h"
 #include "client/map_file.h"
 #include "client/map_ply.h"
 #include "client/match_report.h"
@@ -151,10 +152,12 @@ std::vector<std::string> ResultWarnings(const v1::ResultInfo& info) {
   return warnings;
 }
 
-absl::Status CheckOutputs(const MatchOutputs& outputs) {
+absl::Status CheckOutputs(const MatchOutputs& outputs,
+                          const std::vector<std::string>& inputs) {
   std::map<std::string, const char*> option_of_file;
   for (const auto& [option, path] : Files(outputs)) {
     ISOMATCH_RETURN_IF_ERROR(CheckOutputFile(path));
+    ISOMATCH_RETURN_IF_ERROR(CheckNotInput(option, path, inputs));
     const std::string identity = Identity(path);
     if (identity.empty()) continue;
     const auto [entry, is_new] = option_of_file.emplace(identity, option);

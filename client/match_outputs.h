@@ -50,9 +50,11 @@ struct MeshFacts {
   std::vector<std::string> warnings = {};
 };
 
-/// OK when all of them can be expected to be written, and no two are one file.
-/// Asked before the long work. INVALID_ARGUMENT names option and path.
-absl::Status CheckOutputs(const MatchOutputs& outputs);
+/// OK when all of them can be expected to be written, no two are one file and
+/// none is one of the `inputs`. Asked before the long work. INVALID_ARGUMENT
+/// names option and path.
+absl::Status CheckOutputs(const MatchOutputs& outputs,
+                          const std::vector<std::string>& inputs);
 
 /// What has to be downloaded for them beside the map.
 std::vector<v1::ResultPart> PartsFor(const MatchOutputs& outputs);

@@ -205,6 +205,10 @@ absl::Status CheckMeshOutput(const std::string& path) {
   return CheckOutputFile(path);
 }
 
+TriangleMesh AsSent(const TriangleMesh& mesh) {
+  return {mesh.positions.cast<float>().cast<double>(), mesh.faces};
+}
+
 absl::Status WriteMesh(const std::string& path, const TriangleMesh& mesh) {
   ISOMATCH_RETURN_IF_ERROR(CheckMeshOutput(path));
   return WriteFileAtomically(

@@ -307,7 +307,7 @@ absl::StatusOr<MeshInspection> InspectMesh(const std::string& path,
   ISOMATCH_ASSIGN_OR_RETURN(found.format, FormatName(path));
   found.vertices = mesh.num_vertices();
   found.faces = mesh.num_faces();
-  const CleanMesh clean = Clean(mesh);
+  const CleanMesh clean = Clean(AsSent(mesh));
   InspectVertices(mesh, clean, &found);
   InspectSurface(clean, &found);
   InspectTurn(clean, AsInFile(mesh, clean, &found), &found);
@@ -324,7 +324,12 @@ absl::StatusOr<MatchCost> EstimateCost(
   MatchOptions options;
   options.threads = static_cast<int>(server.threads_per_job());
   const MeshSize size = {mesh.num_vertices(), mesh.num_faces()};
-  cost.memory_bytes = EstimateMemoryBytes(size, size, 0, options);
+  const std::int64_t bytes_of_one =
+      mesh.positions.size() * std::int64_t{sizeof(double)} +
+      mesh.faces.size() * std::int64_t{sizeof(VertexIndex)};
+  cost.memory_bytes = 2 * bytes_of_one +
+                      EstimatePreparedExtraBytes(size, size, options) +
+                      EstimateMemoryBytes(size, size, 0, options);
   cost.seconds = AboutSeconds(mesh.num_vertices());
   const auto& limits = server.limits();
   CheckAtMost("vertices", static_cast<std::uint64_t>(size.vertices),
@@ -340,13 +345,13 @@ absl::StatusOr<MatchCost> EstimateCost(
 
 double AboutSeconds(VertexIndex vertices) {
   static constexpr std::array<std::pair<double, double>, 7> kMeasured = {
-      {{1'000, 0.26},
-       {5'000, 0.83},
-       {13'000, 0.87},
-       {50'000, 1.2},
-       {100'000, 1.8},
-       {200'000, 2.7},
-       {1'000'000, 11}}};
+      {{1'000, 0.25},
+       {5'000, 0.71},
+       {13'000, 0.99},
+       {50'000, 1.1},
+       {100'000, 1.5},
+       {200'000, 2.3},
+       {1'000'000, 16}}};
   const double wanted = std::max<double>(vertices, 1);
   std::size_t upper = 1;
   while (upper + 1 < kMeasured.size() && kMeasured[upper].first < wanted) {

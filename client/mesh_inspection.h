@@ -85,7 +85,7 @@ absl::StatusOr<MeshInspection> InspectMesh(const std::string& path,
 struct MatchCost {
   /// As sent.
   std::int64_t encoded_bytes = 0;
-  /// Upper bound that the server reserves.
+  /// Upper bound that a server reserves, one that keeps prepared shapes.
   std::int64_t memory_bytes = 0;
   /// About, on two cores.
   double seconds = 0;

@@ -9,6 +9,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
+#include "absl/strings/strip.h"
 #include "core/base/status_macros.h"
 
 namespace isomatch {
@@ -85,13 +86,12 @@ absl::StatusOr<NpyType> ParseType(const std::string& path,
 
 absl::StatusOr<std::uint64_t> ParseShape(const std::string& path,
                                          absl::string_view value) {
-  const absl::string_view inside =
-      value.substr(0, value.find(')')).substr(value.empty() ? 0 : 1);
+  absl::string_view inside = value.substr(0, value.find(')'));
+  const bool is_tuple = absl::ConsumePrefix(&inside, "(");
   const std::vector<absl::string_view> sizes =
       absl::StrSplit(inside, ',', absl::SkipWhitespace());
   std::uint64_t count = 0;
-  if (absl::StartsWith(value, "(") && sizes.size() == 1 &&
-      absl::SimpleAtoi(sizes[0], &count)) {
+  if (is_tuple && sizes.size() == 1 && absl::SimpleAtoi(sizes[0], &count)) {
     return count;
   }
   return ByteError(path, kPrefixBytes,

@@ -85,16 +85,19 @@ absl::Status ReadFace(const std::string& path, int line, const Words& words,
 
 absl::Status ReadPlace(const std::string& path, int line, const Words& words,
                        ObjLines& lines) {
-  Eigen::RowVector2d place(0, 0);
-  const bool is_pair = words.size() >= 3 &&
-                       absl::SimpleAtod(words[1], &place[0]) &&
-                       absl::SimpleAtod(words[2], &place[1]);
-  if (!is_pair || !place.allFinite()) {
-    return LineError(path, line, "expected `vt u v` with two finite numbers");
+  Eigen::RowVector2d place(0, 0);  // v may be left out
+  const bool has_numbers =
+      words.size() >= 2 && absl::SimpleAtod(words[1], &place[0]) &&
+      (words.size() == 2 || absl::SimpleAtod(words[2], &place[1]));
+  if (!has_numbers || !place.allFinite()) {
+    return LineError(path, line, "expected `vt u v` with finite numbers");
   }
   lines.places.push_back(place);
   return absl::OkStatus();
 }
+
+// The material of faces that have none, after faces that have one.
+constexpr char kNoMaterial[] = "(none)";
 
 // What follows the first word of a line, which may have blanks.
 std::string Rest(absl::string_view row, absl::string_view first_word) {
@@ -115,6 +118,10 @@ absl::Status ReadLine(const std::string& path, int line, absl::string_view row,
         (fs::path(path).parent_path() / Rest(row, words[0])).string());
   } else if (words[0] == "usemtl") {
     const std::string name = Rest(row, words[0]);
+    if (name == kNoMaterial) {
+      lines.material = -1;
+      return absl::OkStatus();
+    }
     const auto [entry, is_new] = lines.number_of_material.emplace(
         name, static_cast<int>(lines.materials.size()));
     if (is_new) lines.materials.push_back(name);
@@ -206,13 +213,22 @@ void AppendCorner(VertexIndex vertex, VertexIndex place, std::string* text) {
   if (place >= 0) absl::StrAppend(text, "/", place + 1);
 }
 
+// Without dots, and without links as far as it exists; `path` itself where that
+// cannot be told.
+fs::path Absolute(const fs::path& path) {
+  std::error_code error;
+  const fs::path absolute =
+      fs::weakly_canonical(fs::absolute(path, error), error);
+  return error ? path : absolute;
+}
+
 // Names the files from the folder of `path`.
 void AppendLibraries(const std::string& path, const MeshTexture& texture,
                      std::string* text) {
-  const fs::path folder = fs::absolute(path).parent_path();
+  const fs::path folder = Absolute(path).parent_path();
   for (const std::string& library : texture.libraries) {
     absl::StrAppend(text, "mtllib ",
-                    fs::absolute(library).lexically_proximate(folder).string(),
+                    Absolute(library).lexically_proximate(folder).string(),
                     "\n");
   }
 }
@@ -258,10 +274,12 @@ std::string FormatObj(const std::string& path, const TriangleMesh& mesh,
   for (VertexIndex f = 0; f < mesh.num_faces(); ++f) {
     if (texture != nullptr) {
       const int wanted = texture->material_of_face[static_cast<std::size_t>(f)];
-      if (wanted >= 0 && wanted != material) {
-        absl::StrAppend(&text, "usemtl ",
-                        texture->materials[static_cast<std::size_t>(wanted)],
-                        "\n");
+      if (wanted != material) {
+        absl::StrAppend(
+            &text, "usemtl ",
+            wanted < 0 ? kNoMaterial
+                       : texture->materials[static_cast<std::size_t>(wanted)],
+            "\n");
         material = wanted;
       }
     }

@@ -1,5 +1,6 @@
 #include "client/place_file.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 
@@ -60,6 +61,7 @@ absl::StatusOr<PrecisePoint> ParsePlace(const std::string& path, int line,
                        absl::StrCat("W", i, " is ", words[i + 1].substr(0, 40),
                                     ", expected 0 to 1"));
     }
+    weight = std::clamp(weight, 0.0, 1.0);
     sum += weight;
   }
   if (face == kNoVertex) return PrecisePoint{};
@@ -69,7 +71,9 @@ absl::StatusOr<PrecisePoint> ParsePlace(const std::string& path, int line,
         absl::StrCat("the sum of the weights is ", sum, ", expected 1"));
   }
   for (int i = 0; i < 3; ++i) {
-    point.vertices[static_cast<std::size_t>(i)] = mesh_y.faces(face, i);
+    const auto corner = static_cast<std::size_t>(i);
+    point.vertices[corner] = mesh_y.faces(face, i);
+    point.weights[corner] /= sum;
   }
   return point;
 }

@@ -4,12 +4,14 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <tuple>
 #include <unordered_map>
 #include <utility>
 #include <vector>
 
+#include "client/mesh_file.h"
 #include "core/base/parallel.h"
 #include "core/base/status_macros.h"
 #include "core/mesh/clean_mesh.h"
@@ -28,12 +30,16 @@ constexpr double kNoWeight = 1e-6;
 // How much farther than its own corners a face of X may look for a way.
 constexpr double kReach = 1.5;
 // A sheet larger than this belongs to a face of X that the map has torn.
-constexpr std::size_t kMostFaces = 20'000;
+constexpr std::size_t kMostFaces = 5'000;
+// How much longer than the way over seams a way around them may be.
+constexpr double kDetour = 1.5;
+constexpr int kDetourEdges = 2;
+constexpr int kAnyDepth = std::numeric_limits<int>::max();
 
 // Y with doubled vertices joined: the same vertices and faces, by number, but
 // of vertices that are one only the first is on faces.
 TriangleMesh Welded(const TriangleMesh& mesh_y) {
-  const CleanMesh clean = Clean(mesh_y);
+  const CleanMesh clean = Clean(AsSent(mesh_y));
   TriangleMesh welded = mesh_y;
   for (VertexIndex& corner : welded.faces.reshaped()) {
     const VertexIndex joined = clean.clean_from_original[corner];
@@ -88,7 +94,12 @@ class TexturedSurface {
     return texture_.corners.row(face).minCoeff() >= 0;
   }
 
-  // The face beyond a side; kNoVertex at a seam or rim.
+  // The face beyond a side; kNoVertex at a rim.
+  VertexIndex Across(VertexIndex face, int corner) const {
+    return edges_.Opposite(face, corner).face;
+  }
+
+  // The same, and kNoVertex at a seam too.
   VertexIndex Beyond(VertexIndex face, int corner) const {
     const EdgeFaces::Side other = edges_.Opposite(face, corner);
     if (other.face == kNoVertex || !IsTextured(other.face) ||
@@ -232,9 +243,11 @@ class FaceCarrier {
       if (std::find(visited.begin(), visited.end(), root) != visited.end()) {
         continue;
       }
-      Sheet sheet = Visit(root);
+      Sheet sheet = Visit(root, Seams::kStop, kAnyDepth);
       // Without a seam about there is nothing to choose.
       if (sheet.met == 3 && (sheet.depth == 0 || !sheet.has_seam)) return sheet;
+      const int most = MostDepth(root);
+      if (sheet.depth > most) sheet = Visit(root, Seams::kStop, most);
       visited.insert(visited.end(), sheet.faces.begin(), sheet.faces.end());
       const double gap = GapOf(sheet);
       if (!best || std::tuple(-sheet.met, gap, sheet.depth) <
@@ -246,9 +259,17 @@ class FaceCarrier {
     return best;
   }
 
+  enum class Seams { kStop, kCross };
+
+  // A way that avoids a seam by going around a limb is none.
+  int MostDepth(VertexIndex root) {
+    const int direct = Visit(root, Seams::kCross, kAnyDepth).depth;
+    return static_cast<int>(kDetour * direct) + kDetourEdges;
+  }
+
   // Breadth first from `root` until all corners are met, or as far as the face
-  // of X reaches.
-  Sheet Visit(VertexIndex root) {
+  // of X reaches, over `most_depth` edges at most.
+  Sheet Visit(VertexIndex root, Seams seams, int most_depth) {
     Sheet sheet;
     sheet.faces.push_back(root);
     depth_of_.clear();
@@ -258,10 +279,15 @@ class FaceCarrier {
       Meet(face, sheet);
       if (sheet.met == 3 || sheet.faces.size() > kMostFaces) break;
       for (int corner = 0; corner < 3; ++corner) {
-        const VertexIndex next = surface_.Beyond(face, corner);
+        const VertexIndex next = seams == Seams::kStop
+                                     ? surface_.Beyond(face, corner)
+                                     : surface_.Across(face, corner);
         sheet.has_seam |= next == kNoVertex;
-        if (next == kNoVertex || !IsWithinReach(next)) continue;
-        if (depth_of_.emplace(next, depth_of_[face] + 1).second) {
+        const int depth = depth_of_[face] + 1;
+        if (next == kNoVertex || depth > most_depth || !IsWithinReach(next)) {
+          continue;
+        }
+        if (depth_of_.emplace(next, depth).second) {
           sheet.faces.push_back(next);
         }
       }
@@ -352,6 +378,7 @@ absl::Status CarryFaces(const Faces& faces_x, const TexturedSurface& surface,
     const std::int64_t end =
         std::min<std::int64_t>(faces_x.rows(), (task + 1) * kPerTask);
     for (std::int64_t f = task * kPerTask; f < end; ++f) {
+      if (stop.stop_requested()) return;
       (*found)[static_cast<std::size_t>(f)] =
           carrier.Carry({&places[static_cast<std::size_t>(faces_x(f, 0))],
                          &places[static_cast<std::size_t>(faces_x(f, 1))],

@@ -28,7 +28,8 @@ struct CarriedTexture {
 /// spans the picture from one side to the other:
 ///
 /// 1. From each face of Y on which a corner lies, faces are visited over edges
-///    that are no seams, as far as the face of X reaches.
+///    that are no seams, as far as the face of X reaches, but on no way much
+///    longer than that over seams: around a limb is none.
 /// 2. Of these sheets the one with most corners of the face wins; then the one
 ///    that comes nearest to the others, then the one that was reached over
 ///    fewest edges, then the first.

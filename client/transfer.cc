@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstddef>
 
+#include "client/mesh_file.h"
 #include "core/base/parallel.h"
 #include "core/base/status_macros.h"
 #include "core/geodesic/distance_field_solver.h"
@@ -107,15 +108,16 @@ absl::StatusOr<std::vector<CarriedLandmark>> CarryLandmarks(
     absl::Span<const VertexIndex> landmarks_y, const TriangleMesh& mesh_x,
     const TriangleMesh& mesh_y, absl::Span<const PrecisePoint> places,
     const std::stop_token& stop) {
-  const CleanMesh clean_y = Clean(mesh_y);
+  const CleanMesh clean_y = Clean(AsSent(mesh_y));
   const DistanceFieldSolver solver(clean_y.mesh);
   std::vector<CarriedLandmark> carried(landmarks_y.size());
   const auto count = static_cast<std::int64_t>(landmarks_y.size());
   ISOMATCH_RETURN_IF_ERROR(ParallelFor(count, stop, [&](std::int64_t i) {
+    const VertexIndex source = clean_y.clean_from_original[landmarks_y[i]];
+    if (source == kNoVertex) return;  // only on faces that cleaning drops
     DistanceFieldSolver::Workspace workspace;
     std::vector<float> field(static_cast<std::size_t>(solver.num_vertices()));
-    solver.Solve(clean_y.clean_from_original[landmarks_y[i]], field.data(), 1,
-                 &workspace);
+    solver.Solve(source, field.data(), 1, &workspace);
     carried[i] = Nearest(field, clean_y, mesh_x.positions, places);
   }));
   return carried;

@@ -109,7 +109,7 @@ absl::Status CheckArguments(const Arguments& arguments) {
                                        : "a mesh"));
   }
   ISOMATCH_RETURN_IF_ERROR(CheckOutputFile(arguments.output));
-  return CheckNotInput(arguments.output,
+  return CheckNotInput("--output", arguments.output,
                        {arguments.x, arguments.y, arguments.map,
                         arguments.labels, arguments.landmarks});
 }
@@ -324,7 +324,7 @@ Command AddTransferCommand(CLI::App& app) {
       ->add_option("-o,--output", arguments->output,
                    "OUT: .obj or .ply; labels .txt or .npy; landmarks .txt")
       ->required();
-  command->add_option(
+  CLI::Option* const labels = command->add_option(
       "--labels", arguments->labels,
       "Labels of Y's vertices, one whole number a line or .npy");
   command->add_option("--landmarks", arguments->landmarks,
@@ -332,7 +332,8 @@ Command AddTransferCommand(CLI::App& app) {
   command
       ->add_option("--missing", arguments->missing,
                    "Label of vertices that have no place on Y")
-      ->capture_default_str();
+      ->capture_default_str()
+      ->needs(labels);
   command->add_flag("--json", arguments->json,
                     "Print JSON about what was carried instead of text");
   command->footer(kFooter);

@@ -61,6 +61,28 @@ TEST_F(MapFileTest, TheExtensionTellsTheFormat) {
             "\"vertices_y\":5,\"y_from_x\":[4,-1,0]}\n");
 }
 
+TEST_F(MapFileTest, JsonThatIsNoMapIsRefused) {
+  const auto read = [&](const std::string& version, const std::string& y) {
+    return ReadMap(
+        folder_.Write("m.json",
+                      "{\"format\":\"isomatch-map\",\"version\":" + version +
+                          ",\"vertices_x\":1,\"vertices_y\":5,"
+                          "\"y_from_x\":[" +
+                          y + "]}"),
+        5);
+  };
+  ASSERT_THAT(read("1", "4"), IsOk());
+  EXPECT_THAT(read("2", "4"), Refused("version is 2, expected 1"));
+  EXPECT_THAT(read("1e999", "4"), Refused("not JSON"));
+  EXPECT_THAT(read("1", "18446744073709551615"),
+              Refused("y_from_x[0] is 18446744073709551615"));
+  // Deeper than the stack is.
+  constexpr std::size_t kDepth = 200'000;
+  const std::string deep = std::string(kDepth, '[') + std::string(kDepth, ']');
+  EXPECT_THAT(read(deep, "4"), Refused("version is array, expected 1"));
+  EXPECT_THAT(read("1", deep), Refused("y_from_x[0] is array, expected"));
+}
+
 TEST_F(MapFileTest, AMapForOtherMeshesIsRefused) {
   const VertexMap map = {4, kNoVertex, 0};
   for (const char* name : {"map.txt", "map.npy", "map.json"}) {

@@ -132,6 +132,29 @@ TEST_F(MatchOutputsTest, MapsHaveTheFormatOfTheirExtension) {
   EXPECT_THAT(other, Not(HasSubstr("confidence")));
 }
 
+TEST_F(MatchOutputsTest, NoMeshIsOverwritten) {
+  WriteMeshes(UnitSphere(1), Tetrahedron());
+  const CommandOutcome outcome = MatchFiles({"--precise", Path("y.off")});
+  EXPECT_EQ(outcome.status, kExitUsage);
+  EXPECT_THAT(outcome.err, HasSubstr("--precise '" + Path("y.off") +
+                                     "': is a file that is read too"));
+  EXPECT_THAT(ReadMesh(Path("y.off"), "Y"), IsOk());
+}
+
+TEST_F(MatchOutputsTest, ColoursThatCannotBeReadDoNotStopAMatch) {
+  on_found_ = FindEverything;
+  WriteMeshes(UnitSphere(1), Tetrahedron());
+  folder_.Write("y.obj",
+                "v 0 0 0 1 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n"
+                "f 1 2 3\nf 1 3 4\nf 1 4 2\nf 2 4 3\n");
+  const CommandOutcome outcome =
+      RunIsomatch({"match", Path("x.off"), Path("y.obj"), "-o", Path("m.ply"),
+                   "--no-progress", "--server", server_->address()});
+  EXPECT_EQ(outcome.status, kExitSuccess);
+  EXPECT_THAT(outcome.err, HasSubstr("3 of 4 vertices have no colour"));
+  EXPECT_TRUE(Exists("m.ply"));
+}
+
 TEST_F(MatchOutputsTest, AMapInColoursTakesThoseOfY) {
   on_found_ = FindEverything;
   const TriangleMesh y = Tetrahedron();

@@ -107,6 +107,8 @@ TEST(NpyFileTest, WhatIsNoNumpyFileIsRefused) {
   ExpectRefused(Npy(Header("[('a', '<i8')]", "(1,)"), "12345678"),
                 "the array's type is [");
   ExpectRefused(Npy(Header("'<i8'", "()"), "12345678"), "shape is ()");
+  ExpectRefused(Npy(Header("'<i8'", ")"), ""), "shape is ()");
+  ExpectRefused(Npy(Header("'<i8'", "("), ""), "shape is (");
   std::string future = FormatNpy({});
   future[6] = '\x09';
   ExpectRefused(future, "byte 6: the file's version is 9");

@@ -68,12 +68,18 @@ TEST_F(ObjFileTest, FilesWithoutPlacesHaveNone) {
   EXPECT_EQ(*ReadObjTexture(folder_.Path("a.ply"), {}), std::nullopt);
 }
 
+TEST_F(ObjFileTest, TheSecondCoordinateMayBeLeftOut) {
+  const auto texture = Read(std::string(kPoints) + "vt 0.5\nf 1/1 2/1 3/1\n");
+  ASSERT_THAT(texture, IsOk());
+  EXPECT_EQ((*texture)->places.row(0), Eigen::RowVector2d(0.5, 0));
+}
+
 TEST_F(ObjFileTest, WrongLinesAreNamed) {
   EXPECT_THAT(Read(std::string(kPoints) + kPlaces + "f 1/1 2/2 3/5\n"),
               StatusIs(absl::StatusCode::kInvalidArgument,
                        HasSubstr("line 9: a corner's texture coordinates are "
                                  "'3/5', expected V/VT with VT from 1 to 4")));
-  EXPECT_THAT(Read(std::string(kPoints) + "vt 0\nf 1/1 2/1 3/1\n"),
+  EXPECT_THAT(Read(std::string(kPoints) + "vt\nf 1/1 2/1 3/1\n"),
               StatusIs(absl::StatusCode::kInvalidArgument,
                        HasSubstr("line 5: expected `vt u v`")));
   EXPECT_THAT(Read(std::string(kPoints) + "vt 0 nan\nf 1/1 2/1 3/1\n"),
@@ -82,9 +88,14 @@ TEST_F(ObjFileTest, WrongLinesAreNamed) {
 }
 
 TEST_F(ObjFileTest, WhatWeWriteComesBack) {
-  const auto texture =
+  auto texture =
       Read("mtllib skin.mtl\n" + std::string(kPoints) + kPlaces +
            "usemtl red\nf 1/1 2/2 3/3\nusemtl blue\nf 1/1 3/4 4/3\n");
+  (*texture)->material_of_face.push_back(-1);
+  (*texture)->corners.conservativeResize(3, Eigen::NoChange);
+  (*texture)->corners.row(2).setConstant(-1);
+  mesh_.faces.conservativeResize(3, Eigen::NoChange);
+  mesh_.faces.row(2) << 0, 1, 3;
   const Colors colors = PositionColors(mesh_.positions);
   const std::string path = folder_.Path("b.obj");
   folder_.Write("b.obj", FormatObj(path, mesh_, {&**texture, &colors}));
@@ -114,7 +125,11 @@ TEST_F(ObjFileTest, LibrariesAreNamedFromTheNewFolder) {
               HasSubstr("mtllib ../y/skin.mtl\n"));
   EXPECT_THAT(FormatObj("/data/y/b.obj", {}, {&texture, nullptr}),
               HasSubstr("mtllib skin.mtl\n"));
+  EXPECT_THAT(FormatObj("/data/x/../z/b.obj", {}, {&texture, nullptr}),
+              HasSubstr("mtllib ../y/skin.mtl\n"));
   texture.libraries = {"skin.mtl"};
+  EXPECT_THAT(FormatObj("../b.obj", {}, {&texture, nullptr}),
+              EndsWith("/skin.mtl\n"));
   EXPECT_THAT(FormatObj("b.obj", {}, {&texture, nullptr}),
               EndsWith("mtllib skin.mtl\n"));
 }

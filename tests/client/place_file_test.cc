@@ -43,6 +43,15 @@ TEST_F(PlaceFileTest, PrecisePlacesNameTheVerticesOfTheirFace) {
   EXPECT_EQ(places->points[1].vertices[0], kNoVertex);
 }
 
+TEST_F(PlaceFileTest, RoundedWeightsAreThoseOfAPointOnTheFace) {
+  const auto places = Read("p.txt", "0 .333 .333 .333\n0 1.001 -.001 0\n", 2);
+  ASSERT_THAT(places, IsOk());
+  for (const double weight : places->points[0].weights) {
+    EXPECT_DOUBLE_EQ(weight, 1.0 / 3);
+  }
+  EXPECT_THAT(places->points[1].weights, ElementsAre(1, 0, 0));
+}
+
 TEST_F(PlaceFileTest, MapsOfAnyFormatArePlacesToo) {
   const VertexMap map = {3, kNoVertex};
   for (const char* name : {"m.txt", "m.npy", "m.json"}) {

@@ -272,6 +272,20 @@ TEST(TextureCarrierTest, NoFaceSpansAPictureThatIsWrappedAround) {
   }
 }
 
+TEST(TextureCarrierTest, NoFaceSpansAPictureByTheWayAroundAThinLimb) {
+  // Faces of X reach farther than the limb is thick.
+  const Tube y = MakeTube(32, 12, 0, false);
+  for (const double turn : {0.0, 0.15, 0.4}) {
+    const Tube x = MakeTube(6, 1, turn, false);
+    const CarriedTexture carried = Carry(
+        x.mesh, y.mesh, y.texture, AtVertices(NearestMap(x.mesh, y.mesh)));
+    EXPECT_EQ(carried.faces_without, 0);
+    for (VertexIndex f = 0; f < x.mesh.num_faces(); ++f) {
+      ASSERT_LT(Width(carried.texture, f), 0.3) << turn << " " << f;
+    }
+  }
+}
+
 TEST(TextureCarrierTest, DoubledVerticesAlongASeamAreOne) {
   const Tube closed = MakeTube(12, 4, 0, false);
   const Tube split = MakeTube(12, 4, 0, true);

@@ -121,6 +121,18 @@ TEST_F(CarryLandmarksTest, PrecisePlacesBreakTies) {
   EXPECT_NEAR(found.distance, 0.1, 1e-6);
 }
 
+TEST_F(CarryLandmarksTest, AVertexThatOnlyDamagedFacesUseIsOutOfReach) {
+  const TriangleMesh plane = PlaneGrid(1, 1, 1, 1);
+  TriangleMesh y = plane;
+  y.positions.conservativeResize(5, Eigen::NoChange);
+  y.positions.row(4) << 9, 9, 9;
+  y.faces.conservativeResize(3, Eigen::NoChange);
+  y.faces.row(2) << 0, 0, 4;
+  const auto found = Carry({4, 1}, plane, y, AtAll({0, 1, 2, 3}));
+  EXPECT_EQ(found.at(0).x, kNoVertex);
+  EXPECT_EQ(found.at(1).x, 1);
+}
+
 TEST_F(CarryLandmarksTest, AnotherComponentIsOutOfReach) {
   const TriangleMesh plane = PlaneGrid(1, 1, 1, 1);
   TriangleMesh y;
