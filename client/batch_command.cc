@@ -11,17 +11,15 @@
 #include "absl/status/statusor.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "absl/time/clock.h"
 #include "client/batch_list.h"
 #include "client/batch_runner.h"
 #include "client/batch_table.h"
 #include "client/commands.h"
 #include "client/connection_flags.h"
-#include "client/progress_display.h"
+#include "client/embedded_server.h"
+#include "client/progress_line.h"
 #include "client/remote_server.h"
 #include "core/base/status_macros.h"
-#include "server/server.h"
-#include "server/server_config.h"
 
 namespace isomatch {
 namespace {
@@ -89,75 +87,20 @@ absl::Status MakeFolder(const std::string& folder) {
                    "': cannot be made, expected a folder: ", error.message()));
 }
 
-// One line about the whole batch, drawn anew or told now and then.
-class BatchDisplay {
- public:
-  BatchDisplay(const Terminal& terminal, bool quiet)
-      : terminal_(terminal),
-        style_(ProgressStyleFor(terminal.is_interactive, quiet)) {}
-  ~BatchDisplay() {
-    if (drawn_) terminal_.err << "\r\x1b[K" << std::flush;
+ProgressNews NewsOf(const BatchProgress& progress) {
+  ProgressNews news;
+  news.fraction = progress.fraction;
+  news.label =
+      absl::StrFormat("%d of %d pairs", progress.ended, progress.total);
+  news.detail = absl::StrCat(", ", progress.running, " running");
+  if (progress.failed > 0) {
+    absl::StrAppend(&news.detail, ", ", progress.failed, " failed");
   }
-  BatchDisplay(const BatchDisplay&) = delete;
-  BatchDisplay& operator=(const BatchDisplay&) = delete;
-
-  void Show(const BatchProgress& progress) {
-    constexpr absl::Duration kLineInterval = absl::Seconds(5);
-    if (style_ == ProgressStyle::kNone) return;
-    const absl::Time now = absl::Now();
-    const bool is_news = progress.ended != last_ended_;
-    if (style_ == ProgressStyle::kLines && !is_news &&
-        now - last_line_ < kLineInterval) {
-      return;
-    }
-    last_line_ = now;
-    last_ended_ = progress.ended;
-    const std::string line = Line(progress, now);
-    if (style_ == ProgressStyle::kBar) {
-      terminal_.err << "\r\x1b[K" << line << std::flush;
-      drawn_ = true;
-    } else {
-      terminal_.err << line << std::endl;
-    }
-  }
-
- private:
-  std::string Line(const BatchProgress& progress, absl::Time now) const {
-    std::string line = absl::StrFormat("%3.0f %%  %d of %d pairs, %d running",
-                                       100 * progress.fraction, progress.ended,
-                                       progress.total, progress.running);
-    if (progress.failed > 0) {
-      absl::StrAppend(&line, ", ", progress.failed, " failed");
-    }
-    constexpr double kEnough = 0.05;
-    if (progress.fraction > kEnough && progress.fraction < 1) {
-      absl::StrAppend(&line, ", about ",
-                      FormatLeft((now - start_) *
-                                 ((1 - progress.fraction) / progress.fraction)),
-                      " left");
-    }
-    return line;
-  }
-
-  const Terminal& terminal_;
-  const ProgressStyle style_;
-  const absl::Time start_ = absl::Now();
-  absl::Time last_line_ = absl::InfinitePast();
-  int last_ended_ = -1;
-  bool drawn_ = false;
-};
+  return news;
+}
 
 int Cores() {
   return std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
-}
-
-absl::StatusOr<std::unique_ptr<Server>> StartEmbedded(int workers,
-                                                      std::uint32_t threads) {
-  ServerConfig config;
-  config.listen.clear();
-  config.workers = workers;
-  config.threads_per_job = static_cast<int>(threads);
-  return Server::Create(config);
 }
 
 absl::Status Finish(const Arguments& arguments, const BatchRunner& runner,
@@ -194,7 +137,7 @@ absl::Status Run(const Arguments& arguments, const Terminal& terminal) {
   if (arguments.connection.server.empty()) {
     if (options.parallel == 0) options.parallel = Cores();
     ISOMATCH_ASSIGN_OR_RETURN(
-        embedded, StartEmbedded(options.parallel, options.job.threads));
+        embedded, StartEmbeddedServer(options.parallel, options.job.threads));
     channel = embedded->InProcessChannel();
   } else {
     ISOMATCH_ASSIGN_OR_RETURN(
@@ -209,9 +152,10 @@ absl::Status Run(const Arguments& arguments, const Terminal& terminal) {
     }
   }
   IsomatchClient client(channel);
-  BatchDisplay display(terminal, arguments.no_progress);
+  ProgressLine line(terminal.err, ProgressStyleFor(terminal.is_interactive,
+                                                   arguments.no_progress));
   BatchRunner runner(&client, options, [&](const BatchProgress& progress) {
-    display.Show(progress);
+    line.Show(NewsOf(progress));
   });
   const std::vector<BatchRow> rows = runner.Run(pairs, terminal.stop);
   return Finish(arguments, runner, rows, terminal);

@@ -15,6 +15,8 @@ constexpr char kFooter[] = R"(
 Examples:
   isomatch match cat.off dog.off -o map.txt
   isomatch batch pairs.txt -o maps
+  isomatch inspect cat.off dog.off
+  isomatch transfer cat.off dog.obj map.txt -o textured_cat.obj
   isomatch submit cat.off dog.off --server 127.0.0.1:7443
   isomatch evaluate dog.off map.txt truth.txt
   isomatch sample --pose A --vertices 5000 -o a.off
@@ -63,11 +65,15 @@ int RunCommandLine(int argc, const char* const* argv,
   app.footer(kFooter);
   app.require_subcommand(1);
   const std::vector<Command> commands = {
-      AddMatchCommand(app),  AddBatchCommand(app),      AddEvaluateCommand(app),
-      AddSampleCommand(app), AddSubmitCommand(app),     AddWatchCommand(app),
-      AddGetCommand(app),    AddListCommand(app),       AddCancelCommand(app),
-      AddDeleteCommand(app), AddUploadCommand(app),     AddInfoCommand(app),
-      AddViewCommand(app),   AddCompletionCommand(app), AddManCommand(app)};
+      AddMatchCommand(app),    AddBatchCommand(app),
+      AddEvaluateCommand(app), AddSampleCommand(app),
+      AddSubmitCommand(app),   AddWatchCommand(app),
+      AddGetCommand(app),      AddListCommand(app),
+      AddCancelCommand(app),   AddDeleteCommand(app),
+      AddUploadCommand(app),   AddInfoCommand(app),
+      AddViewCommand(app),     AddTransferCommand(app),
+      AddInspectCommand(app),  AddCompletionCommand(app),
+      AddManCommand(app)};
   // CLI11 reports by exceptions; memory can run out on huge files.
   try {
     app.parse(argc, argv);

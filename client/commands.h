@@ -30,6 +30,8 @@ Command AddInfoCommand(CLI::App& app);
 Command AddCompletionCommand(CLI::App& app);
 Command AddManCommand(CLI::App& app);
 Command AddEvaluateCommand(CLI::App& app);
+Command AddTransferCommand(CLI::App& app);
+Command AddInspectCommand(CLI::App& app);
 Command AddSampleCommand(CLI::App& app);
 Command AddViewCommand(CLI::App& app);
 

@@ -23,12 +23,13 @@ names and the true one (Princeton protocol), as a fraction of Y's geodesic
 diameter and of the square root of its area.
 
 GT has lines `x y`, or `x y y_mirrored` for shapes with a left-right symmetry,
-or one bare y for each vertex of X. With y_mirrored, the error against the
-mirrored truth is given too: a map that is good there only swaps left and right.
+or one bare y for each vertex of X, or is a map in a .npy or .json file. With
+y_mirrored, the error against the mirrored truth is given too: a map that is
+good there only swaps left and right.
 
 Examples:
   isomatch evaluate Y.off map.txt truth.txt
-  isomatch evaluate Y.off map.txt truth.txt --json)";
+  isomatch evaluate Y.off map.npy truth.txt --json)";
 
 struct Arguments {
   std::string y;
@@ -118,7 +119,9 @@ Command AddEvaluateCommand(CLI::App& app) {
   const auto arguments = std::make_shared<Arguments>();
   command->add_option("Y", arguments->y, "Mesh that the map leads to")
       ->required();
-  command->add_option("MAP", arguments->map, "Map as `match` writes it")
+  command
+      ->add_option("MAP", arguments->map,
+                   "Map as `match` writes it: .txt, .npy or .json")
       ->required();
   command->add_option("GT", arguments->truth, "Ground truth")->required();
   command->add_flag("--json", arguments->json, "Print JSON instead of text");

@@ -46,7 +46,12 @@ absl::StatusOr<v1::Job> FindJob(const Arguments& arguments,
 }
 
 absl::Status Run(const Arguments& arguments, const Terminal& terminal) {
-  ISOMATCH_RETURN_IF_ERROR(CheckOutputs(arguments.outputs));
+  ISOMATCH_RETURN_IF_ERROR(CheckOutputs(arguments.outputs, {arguments.mesh_y}));
+  if (NeedColors(arguments.outputs)) {
+    return absl::InvalidArgumentError(
+        "a map in a .ply file shows both meshes, which `get` does not know: "
+        "expected .txt, .npy or .json");
+  }
   LoadedMesh y;
   if (!arguments.outputs.precise.empty()) {
     ISOMATCH_ASSIGN_OR_RETURN(y, ReadMesh(arguments.mesh_y, "--mesh-y"));
@@ -66,7 +71,9 @@ absl::Status Run(const Arguments& arguments, const Terminal& terminal) {
       client.Fetch(*job, PartsFor(arguments.outputs), terminal.stop);
   if (!result.ok()) return server.Explain(result.status());
   Warn(ResultWarnings(result->info), terminal);
-  return WriteOutputs(arguments.outputs, y.mesh, *result, y.warnings, terminal);
+  return WriteOutputs(arguments.outputs,
+                      {.mesh_y = &y.mesh, .warnings = y.warnings}, *result,
+                      terminal);
 }
 
 }  // namespace

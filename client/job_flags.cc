@@ -4,23 +4,12 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
+#include "client/command_support.h"
 #include "client/map_file.h"
-#include "client/mesh_file.h"
 #include "core/base/status_macros.h"
 
 namespace isomatch {
 namespace {
-
-// Reads a mesh and appends what is to be said about it to `warnings`.
-absl::StatusOr<TriangleMesh> Load(const std::string& path,
-                                  const std::string& field,
-                                  std::vector<std::string>* warnings) {
-  ISOMATCH_ASSIGN_OR_RETURN(LoadedMesh loaded, ReadMesh(path, field));
-  for (const std::string& warning : loaded.warnings) {
-    warnings->push_back(absl::StrCat(field, ": '", path, "': ", warning));
-  }
-  return std::move(loaded.mesh);
-}
 
 // Empty means no limit.
 absl::StatusOr<absl::Duration> ParseTimeout(const std::string& flag,
@@ -124,8 +113,8 @@ absl::StatusOr<std::map<std::string, std::string>> ParseLabels(
 absl::Status ReadInputs(const std::string& path_x, const std::string& path_y,
                         const std::string& landmarks, MatchRequest* request,
                         std::vector<std::string>* warnings) {
-  ISOMATCH_ASSIGN_OR_RETURN(request->mesh_x, Load(path_x, "X", warnings));
-  ISOMATCH_ASSIGN_OR_RETURN(request->mesh_y, Load(path_y, "Y", warnings));
+  ISOMATCH_ASSIGN_OR_RETURN(request->mesh_x, LoadMesh(path_x, "X", warnings));
+  ISOMATCH_ASSIGN_OR_RETURN(request->mesh_y, LoadMesh(path_y, "Y", warnings));
   if (landmarks.empty()) return absl::OkStatus();
   ISOMATCH_ASSIGN_OR_RETURN(
       request->landmarks,

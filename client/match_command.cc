@@ -4,23 +4,25 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "absl/strings/str_cat.h"
 #include "client/commands.h"
 #include "client/connection_flags.h"
+#include "client/embedded_server.h"
 #include "client/isomatch_client.h"
 #include "client/job_flags.h"
 #include "client/match_outputs.h"
 #include "client/progress_display.h"
 #include "client/remote_server.h"
 #include "core/base/status_macros.h"
-#include "server/server.h"
-#include "server/server_config.h"
 
 namespace isomatch {
 namespace {
 
 constexpr char kFooter[] = R"(
 MAP has one line for each vertex of X, in the order of X's file: the 0-based
-vertex of Y that it corresponds to, or -1 for a vertex on no face.
+vertex of Y that it corresponds to, or -1 for a vertex on no face. Its extension
+tells the format: .npy is the same as a NumPy array of int64, .json as JSON,
+.ply is X in the colours of Y, to be looked at; anything else is text.
 
 Without --server the work is done in this process, by the same server code.
 
@@ -28,6 +30,8 @@ Examples:
   isomatch match X.off Y.ply -o map.txt
   isomatch match X.off Y.ply -o map.txt --report report.json
   isomatch match X.off Y.ply --landmarks pairs.txt --no-progress > map.txt
+  isomatch match X.off Y.ply -o map.npy
+  isomatch match X.off Y.ply -o colored.ply --confidence confidence.txt
   isomatch match X.off Y.ply -o map.txt --server 127.0.0.1:7443
   isomatch match X.off Y.ply -o map.txt --precise points.txt
   isomatch match X.off Y.ply -o map.txt --server meshes.example.org:7443 \
@@ -56,14 +60,6 @@ struct Arguments {
   bool no_progress = false;
 };
 
-absl::StatusOr<std::unique_ptr<Server>> StartEmbedded(
-    const Arguments& arguments) {
-  ServerConfig config;
-  config.listen.clear();
-  config.threads_per_job = static_cast<int>(arguments.job.threads);
-  return Server::Create(config);
-}
-
 absl::StatusOr<MatchResult> RunMatch(
     const std::shared_ptr<grpc::Channel>& channel, const MatchRequest& request,
     const Arguments& arguments, const Terminal& terminal) {
@@ -88,31 +84,44 @@ absl::StatusOr<MatchResult> RunEmbedded(const MatchRequest& request,
                                         const Arguments& arguments,
                                         const Terminal& terminal) {
   ISOMATCH_ASSIGN_OR_RETURN(const std::unique_ptr<Server> server,
-                            StartEmbedded(arguments));
+                            StartEmbeddedServer(
+                                /*workers=*/1, arguments.job.threads));
   return RunMatch(server->InProcessChannel(), request, arguments, terminal);
 }
 
 absl::Status Run(const Arguments& arguments, const Terminal& terminal) {
-  ISOMATCH_RETURN_IF_ERROR(CheckOutputs(arguments.outputs));
+  ISOMATCH_RETURN_IF_ERROR(CheckOutputs(
+      arguments.outputs, {arguments.x, arguments.y, arguments.landmarks}));
   std::optional<RemoteServer> server;
   if (!arguments.connection.server.empty()) {
     ISOMATCH_ASSIGN_OR_RETURN(
         server, RemoteServer::Open(arguments.connection, terminal));
   }
   MatchRequest request;
-  std::vector<std::string> warnings;
-  ISOMATCH_RETURN_IF_ERROR(ReadInputs(
-      arguments.x, arguments.y, arguments.landmarks, &request, &warnings));
+  MeshFacts facts = {&request.mesh_x, &request.mesh_y};
+  ISOMATCH_RETURN_IF_ERROR(ReadInputs(arguments.x, arguments.y,
+                                      arguments.landmarks, &request,
+                                      &facts.warnings));
+  if (NeedColors(arguments.outputs)) {
+    absl::StatusOr<std::optional<Colors>> colors =
+        ReadVertexColors(arguments.y, request.mesh_y.num_vertices());
+    if (colors.ok()) {
+      facts.colors_y = *std::move(colors);
+    } else {
+      facts.warnings.push_back(
+          absl::StrCat("Y has the colours of places: its own cannot be read: ",
+                       colors.status().message()));
+    }
+  }
   SetJobFlags(arguments.job, &request);
   request.parts = PartsFor(arguments.outputs);
-  Warn(warnings, terminal);
+  Warn(facts.warnings, terminal);
   ISOMATCH_ASSIGN_OR_RETURN(
       const MatchResult result,
       server ? RunRemote(request, *server, arguments, terminal)
              : RunEmbedded(request, arguments, terminal));
   Warn(ResultWarnings(result.info), terminal);
-  return WriteOutputs(arguments.outputs, request.mesh_y, result, warnings,
-                      terminal);
+  return WriteOutputs(arguments.outputs, facts, result, terminal);
 }
 
 }  // namespace

@@ -7,7 +7,9 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "client/command_support.h"
 #include "client/map_file.h"
+#include "client/map_ply.h"
 #include "client/match_report.h"
 #include "client/part_files.h"
 #include "client/text_file.h"
@@ -49,23 +51,43 @@ std::string Identity(const std::string& path) {
   return error ? path : canonical.string();
 }
 
-absl::Status WriteMap(const std::string& path, const VertexMap& y_from_x,
-                      const Terminal& terminal) {
+/// The bytes of a map's file. `confidence` is empty when it is not known.
+std::string MapBytes(const std::string& path, const VertexMap& y_from_x,
+                     absl::Span<const float> confidence, const MeshFacts& facts,
+                     const v1::ResultInfo& info) {
+  const MapFormat format = MapFormatOf(path);
+  if (format != MapFormat::kPly) {
+    return FormatMap(y_from_x, info.mesh_y().vertices(), format);
+  }
+  const Colors colors = facts.colors_y
+                            ? *facts.colors_y
+                            : PositionColors(facts.mesh_y->positions);
+  return FormatMapPly(
+      {*facts.mesh_x, *facts.mesh_y, y_from_x, colors, confidence});
+}
+
+absl::Status WriteMap(const std::string& path, const MeshFacts& facts,
+                      const MatchResult& result, const Terminal& terminal) {
   if (path.empty()) return absl::OkStatus();
-  const std::string text = FormatMap(y_from_x);
-  if (path != "-") return WriteFileAtomically(path, text);
-  terminal.out << text << std::flush;
+  if (path != "-") {
+    return WriteFileAtomically(
+        path, MapBytes(path, result.y_from_x,
+                       result.confidence.value_or(std::vector<float>()), facts,
+                       result.info));
+  }
+  terminal.out << FormatMap(result.y_from_x) << std::flush;
   return terminal.out ? absl::OkStatus()
                       : absl::UnavailableError(
                             "the map cannot be written to standard output");
 }
 
-absl::Status WriteAlternative(const std::string& path,
+absl::Status WriteAlternative(const std::string& path, const MeshFacts& facts,
                               const MatchResult& result,
                               const Terminal& terminal) {
   if (path.empty()) return absl::OkStatus();
   if (result.alternative) {
-    return WriteFileAtomically(path, FormatMap(*result.alternative));
+    return WriteFileAtomically(
+        path, MapBytes(path, *result.alternative, {}, facts, result.info));
   }
   terminal.err << "isomatch: warning: --alternative '" << path
                << "' is not written: no other map came near this one"
@@ -93,7 +115,8 @@ constexpr double kLowSymmetryConfidence = 0.2;
 void AddMatchOutputs(CLI::App* command, MatchOutputs* outputs) {
   command
       ->add_option("-o,--output", outputs->map,
-                   "MAP to write; - is standard output")
+                   "MAP to write: .txt, .npy, .json or .ply; - is "
+                   "standard output")
       ->capture_default_str();
   command->add_option("--precise", outputs->precise,
                       "File of places between the vertices of Y");
@@ -105,6 +128,11 @@ void AddMatchOutputs(CLI::App* command, MatchOutputs* outputs) {
                       "JSON file of the map between eigenfunctions");
   command->add_option("--report", outputs->report,
                       "JSON file about the run: times, memory, quality");
+}
+
+bool NeedColors(const MatchOutputs& outputs) {
+  return MapFormatOf(outputs.map) == MapFormat::kPly ||
+         MapFormatOf(outputs.alternative) == MapFormat::kPly;
 }
 
 bool HasFiles(const MatchOutputs& outputs) {
@@ -124,10 +152,12 @@ std::vector<std::string> ResultWarnings(const v1::ResultInfo& info) {
   return warnings;
 }
 
-absl::Status CheckOutputs(const MatchOutputs& outputs) {
+absl::Status CheckOutputs(const MatchOutputs& outputs,
+                          const std::vector<std::string>& inputs) {
   std::map<std::string, const char*> option_of_file;
   for (const auto& [option, path] : Files(outputs)) {
     ISOMATCH_RETURN_IF_ERROR(CheckOutputFile(path));
+    ISOMATCH_RETURN_IF_ERROR(CheckNotInput(option, path, inputs));
     const std::string identity = Identity(path);
     if (identity.empty()) continue;
     const auto [entry, is_new] = option_of_file.emplace(identity, option);
@@ -151,21 +181,19 @@ std::vector<v1::ResultPart> PartsFor(const MatchOutputs& outputs) {
   return parts;
 }
 
-absl::Status WriteOutputs(const MatchOutputs& outputs,
-                          const TriangleMesh& mesh_y, const MatchResult& result,
-                          const std::vector<std::string>& warnings,
-                          const Terminal& terminal) {
-  ISOMATCH_RETURN_IF_ERROR(WriteMap(outputs.map, result.y_from_x, terminal));
+absl::Status WriteOutputs(const MatchOutputs& outputs, const MeshFacts& facts,
+                          const MatchResult& result, const Terminal& terminal) {
+  ISOMATCH_RETURN_IF_ERROR(WriteMap(outputs.map, facts, result, terminal));
   if (!outputs.report.empty()) {
-    ISOMATCH_RETURN_IF_ERROR(
-        WriteFileAtomically(outputs.report, FormatReport(result, warnings)));
+    ISOMATCH_RETURN_IF_ERROR(WriteFileAtomically(
+        outputs.report, FormatReport(result, facts.warnings)));
   }
   ISOMATCH_RETURN_IF_ERROR(
-      WriteAlternative(outputs.alternative, result, terminal));
+      WriteAlternative(outputs.alternative, facts, result, terminal));
   ISOMATCH_RETURN_IF_ERROR(
       WritePart({"--precise", outputs.precise}, result.precise,
                 [&](const std::vector<PrecisePoint>& points) {
-                  return FormatPreciseMap(points, mesh_y);
+                  return FormatPreciseMap(points, *facts.mesh_y);
                 }));
   ISOMATCH_RETURN_IF_ERROR(WritePart({"--confidence", outputs.confidence},
                                      result.confidence, FormatConfidence));

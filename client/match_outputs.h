@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -8,12 +9,14 @@
 #include "absl/status/status.h"
 #include "client/command_line.h"
 #include "client/isomatch_client.h"
+#include "client/vertex_colors.h"
 
 namespace isomatch {
 
-/// The files that `isomatch match` writes; empty for none.
+/// The files that `isomatch match` writes; empty for none. Extensions tell how
+/// maps are written (client/map_file.h).
 struct MatchOutputs {
-  /// "-" is standard output.
+  /// "-" is standard output, as text.
   std::string map = "-";
   std::string report;
   std::string precise;
@@ -31,20 +34,34 @@ bool HasFiles(const MatchOutputs& outputs);
 /// What the user should know about a result.
 std::vector<std::string> ResultWarnings(const v1::ResultInfo& info);
 
-/// OK when all of them can be expected to be written, and no two are one file.
-/// Asked before the long work. INVALID_ARGUMENT names option and path.
-absl::Status CheckOutputs(const MatchOutputs& outputs);
+/// True when one of the maps is to be in colours.
+bool NeedColors(const MatchOutputs& outputs);
+
+/// What is known of the files of the meshes; both outlive it.
+struct MeshFacts {
+  /// Asked for by maps in colours only.
+  const TriangleMesh* mesh_x = nullptr;
+  /// By these and --precise.
+  const TriangleMesh* mesh_y = nullptr;
+  /// Of the vertices of Y, for maps in colours; without them their places
+  /// decide.
+  std::optional<Colors> colors_y = {};
+  /// Of reading the meshes, for the report.
+  std::vector<std::string> warnings = {};
+};
+
+/// OK when all of them can be expected to be written, no two are one file and
+/// none is one of the `inputs`. Asked before the long work. INVALID_ARGUMENT
+/// names option and path.
+absl::Status CheckOutputs(const MatchOutputs& outputs,
+                          const std::vector<std::string>& inputs);
 
 /// What has to be downloaded for them beside the map.
 std::vector<v1::ResultPart> PartsFor(const MatchOutputs& outputs);
 
 /// Writes them all, the map first. When the result has no alternative, there is
-/// a warning on terminal.err in place of its file. `mesh_y` is asked for its
-/// faces by --precise only. `warnings` are those of reading the meshes, for the
-/// report.
-absl::Status WriteOutputs(const MatchOutputs& outputs,
-                          const TriangleMesh& mesh_y, const MatchResult& result,
-                          const std::vector<std::string>& warnings,
-                          const Terminal& terminal);
+/// a warning on terminal.err in place of its file.
+absl::Status WriteOutputs(const MatchOutputs& outputs, const MeshFacts& facts,
+                          const MatchResult& result, const Terminal& terminal);
 
 }  // namespace isomatch

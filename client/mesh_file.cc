@@ -1,29 +1,22 @@
 #include "client/mesh_file.h"
 
-#include <array>
-#include <charconv>
 #include <cstddef>
 #include <cstdint>
-#include <filesystem>
 #include <limits>
 #include <utility>
 
-#include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "client/mesh_claims.h"
+#include "client/ply_file.h"
 #include "client/polygon_soup.h"
 #include "client/text_file.h"
+#include "client/triangulation.h"
 #include "core/base/status_macros.h"
 
 namespace isomatch {
 namespace {
 
 constexpr char kExpected[] = "a mesh in an .off, .obj, .ply or .stl file";
-
-std::string Extension(const std::string& path) {
-  return absl::AsciiStrToLower(
-      std::filesystem::path(path).extension().string());
-}
 
 // What CGAL expects of each format, for the message when it refuses a file.
 const char* Grammar(const std::string& extension) {
@@ -117,31 +110,16 @@ Positions ToPositions(const PolygonSoup& soup) {
   return positions;
 }
 
-// The corner from which a fan cuts the polygon: the first, or the second when
-// a quadrilateral's other diagonal is shorter.
-std::size_t FanStart(const std::vector<std::size_t>& polygon,
-                     const Positions& positions) {
-  if (polygon.size() != 4) return 0;
-  const auto squared = [&](std::size_t a, std::size_t b) {
-    return (positions.row(static_cast<Eigen::Index>(polygon[a])) -
-            positions.row(static_cast<Eigen::Index>(polygon[b])))
-        .squaredNorm();
-  };
-  return squared(1, 3) < squared(0, 2) ? 1 : 0;
-}
-
 Faces Triangulate(const PolygonSoup& soup, const Positions& positions) {
-  std::size_t count = 0;
-  for (const auto& polygon : soup.polygons) count += polygon.size() - 2;
-  Faces faces(static_cast<Eigen::Index>(count), 3);
-  Eigen::Index next = 0;
-  for (const std::vector<std::size_t>& polygon : soup.polygons) {
-    const std::size_t start = FanStart(polygon, positions);
-    const auto corner = [&](std::size_t i) {
-      return static_cast<VertexIndex>(polygon[(start + i) % polygon.size()]);
-    };
-    for (std::size_t i = 1; i + 1 < polygon.size(); ++i) {
-      faces.row(next++) << corner(0), corner(i), corner(i + 1);
+  const std::vector<CutTriangle> triangles =
+      CutPolygons(soup.polygons, positions);
+  Faces faces(static_cast<Eigen::Index>(triangles.size()), 3);
+  for (std::size_t t = 0; t < triangles.size(); ++t) {
+    const std::vector<std::size_t>& polygon =
+        soup.polygons[triangles[t].polygon];
+    for (std::size_t i = 0; i < 3; ++i) {
+      faces(static_cast<Eigen::Index>(t), static_cast<Eigen::Index>(i)) =
+          static_cast<VertexIndex>(polygon[triangles[t].corners[i]]);
     }
   }
   return faces;
@@ -164,20 +142,12 @@ std::vector<std::string> Warnings(const PolygonSoup& soup,
   return warnings;
 }
 
-// Shortest text that reads back as the same number.
-void AppendNumber(std::string* text, double number) {
-  std::array<char, 32> digits;
-  const std::to_chars_result end =
-      std::to_chars(digits.data(), digits.data() + digits.size(), number);
-  text->append(digits.data(), end.ptr);
-}
-
 std::string FormatOff(const TriangleMesh& mesh) {
   std::string text =
       absl::StrCat("OFF\n", mesh.num_vertices(), " ", mesh.num_faces(), " 0\n");
   for (Eigen::Index v = 0; v < mesh.positions.rows(); ++v) {
     for (int axis = 0; axis < 3; ++axis) {
-      AppendNumber(&text, mesh.positions(v, axis));
+      AppendNumber(mesh.positions(v, axis), &text);
       text += axis < 2 ? ' ' : '\n';
     }
   }
@@ -188,36 +158,12 @@ std::string FormatOff(const TriangleMesh& mesh) {
   return text;
 }
 
-// The bytes of a value, as binary_little_endian has them on the machines we
-// build for.
-template <typename T>
-void AppendBytes(std::string* bytes, T value) {
-  bytes->append(reinterpret_cast<const char*>(&value), sizeof(value));
-}
-
-std::string FormatPly(const TriangleMesh& mesh) {
-  std::string bytes = absl::StrCat(
-      "ply\nformat binary_little_endian 1.0\nelement vertex ",
-      mesh.num_vertices(),
-      "\nproperty float x\nproperty float y\nproperty float z\nelement face ",
-      mesh.num_faces(),
-      "\nproperty list uchar int vertex_indices\nend_header\n");
-  for (const double coordinate : mesh.positions.reshaped<Eigen::RowMajor>()) {
-    AppendBytes(&bytes, static_cast<float>(coordinate));
-  }
-  for (Eigen::Index f = 0; f < mesh.faces.rows(); ++f) {
-    AppendBytes(&bytes, std::uint8_t{3});
-    for (int i = 0; i < 3; ++i) AppendBytes(&bytes, mesh.faces(f, i));
-  }
-  return bytes;
-}
-
 }  // namespace
 
 absl::StatusOr<LoadedMesh> ReadMesh(const std::string& path,
                                     const std::string& field) {
   const std::string subject = absl::StrCat(field, ": '", path, "'");
-  const std::string extension = Extension(path);
+  const std::string extension = LowerExtension(path);
   if (const absl::Status status = CheckInputFile(path, kExpected);
       !status.ok()) {
     return WithSubject(field, status);
@@ -250,7 +196,7 @@ absl::StatusOr<LoadedMesh> ReadMesh(const std::string& path,
 }
 
 absl::Status CheckMeshOutput(const std::string& path) {
-  const std::string extension = Extension(path);
+  const std::string extension = LowerExtension(path);
   if (extension != ".off" && extension != ".ply") {
     return absl::InvalidArgumentError(
         absl::StrCat("'", path, "': the extension is '", extension,
@@ -259,10 +205,14 @@ absl::Status CheckMeshOutput(const std::string& path) {
   return CheckOutputFile(path);
 }
 
+TriangleMesh AsSent(const TriangleMesh& mesh) {
+  return {mesh.positions.cast<float>().cast<double>(), mesh.faces};
+}
+
 absl::Status WriteMesh(const std::string& path, const TriangleMesh& mesh) {
   ISOMATCH_RETURN_IF_ERROR(CheckMeshOutput(path));
   return WriteFileAtomically(
-      path, Extension(path) == ".ply" ? FormatPly(mesh) : FormatOff(mesh));
+      path, LowerExtension(path) == ".ply" ? FormatPly(mesh) : FormatOff(mesh));
 }
 
 }  // namespace isomatch

@@ -31,6 +31,10 @@ struct LoadedMesh {
 absl::StatusOr<LoadedMesh> ReadMesh(const std::string& path,
                                     const std::string& field);
 
+/// The mesh as a server sees it: coordinates in single precision, as Draco
+/// carries them. Vertices that cleaning joins are those that it joins there.
+TriangleMesh AsSent(const TriangleMesh& mesh);
+
 /// Writes an OFF or binary PLY file, by extension, atomically. Coordinates are
 /// written so that reading gives the same double (OFF) or the nearest float
 /// (PLY). INVALID_ARGUMENT: another extension; else as WriteFileAtomically.

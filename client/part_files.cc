@@ -1,7 +1,5 @@
 #include "client/part_files.h"
 
-#include <array>
-#include <charconv>
 #include <cstddef>
 #include <vector>
 
@@ -20,14 +18,6 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-/// Shortest text that reads back as the same float.
-void AppendNumber(std::string& text, float number) {
-  std::array<char, 32> digits;
-  const std::to_chars_result end =
-      std::to_chars(digits.data(), digits.data() + digits.size(), number);
-  text.append(digits.data(), end.ptr);
-}
-
 Json ToJson(const Eigen::VectorXd& vector) {
   return std::vector<double>(vector.begin(), vector.end());
 }
@@ -43,7 +33,7 @@ std::string FormatPreciseMap(absl::Span<const PrecisePoint> points,
     absl::StrAppend(&text, found.face);
     for (const double weight : found.weights) {
       text += ' ';
-      AppendNumber(text, static_cast<float>(weight));
+      AppendNumber(static_cast<float>(weight), &text);
     }
     text += '\n';
   }
@@ -53,7 +43,7 @@ std::string FormatPreciseMap(absl::Span<const PrecisePoint> points,
 std::string FormatConfidence(absl::Span<const float> confidence) {
   std::string text;
   for (const float value : confidence) {
-    AppendNumber(text, value);
+    AppendNumber(value, &text);
     text += '\n';
   }
   return text;

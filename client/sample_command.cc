@@ -1,3 +1,4 @@
+#include <filesystem>
 #include <memory>
 #include <string>
 #include <vector>
@@ -10,12 +11,18 @@
 #include "client/commands.h"
 #include "client/map_file.h"
 #include "client/mesh_file.h"
+#include "client/obj_file.h"
+#include "client/ply_file.h"
 #include "client/sample_animal.h"
+#include "client/sample_texture.h"
 #include "client/text_file.h"
+#include "client/viewer/image.h"
 #include "core/base/status_macros.h"
 
 namespace isomatch {
 namespace {
+
+namespace fs = std::filesystem;
 
 constexpr char kFooter[] = R"(
 Makes one animal in three near-isometric poses: A standing, B walking, C looking
@@ -31,7 +38,12 @@ Examples:
   isomatch match a.off b.off -o map.txt
   isomatch evaluate b.off map.txt truth.txt
 
-truth.txt has for each vertex of a.off its true vertex of b.off.
+  isomatch sample --pose B --vertices 4000 -o b.obj --texture checker
+  isomatch transfer a.off b.obj map.txt -o textured_a.obj
+
+truth.txt has for each vertex of a.off its true vertex of b.off. --texture makes
+a pattern, warm on the left side and cold on the right: in b.obj, b.mtl and
+b.png, or as colours of the vertices of b.ply.
 --truth-from is POSE:VERTICES, or POSE:VERTICES:MESH_SEED when that is not 1.)";
 
 struct Arguments {
@@ -39,6 +51,7 @@ struct Arguments {
   int vertices = 5000;
   std::uint64_t mesh_seed = 1;
   std::string output;
+  std::string texture;
   std::string truth_from;
   std::string truth;
 };
@@ -77,15 +90,58 @@ absl::StatusOr<SampleOptions> ParseOptions(const Arguments& arguments) {
   return options;
 }
 
+absl::Status CheckTextureOutput(const std::string& path) {
+  const std::string extension = LowerExtension(path);
+  if (extension != ".obj" && extension != ".ply") {
+    return absl::InvalidArgumentError(
+        absl::StrCat("'", path, "': the extension is '", extension,
+                     "', expected .obj or .ply with --texture"));
+  }
+  return CheckOutputFile(path);
+}
+
 absl::Status CheckOutputs(const Arguments& arguments) {
   if (arguments.truth.empty() != arguments.truth_from.empty()) {
     return absl::InvalidArgumentError(
         "--truth FILE and --truth-from POSE:VERTICES belong together, found "
         "one of them");
   }
-  ISOMATCH_RETURN_IF_ERROR(CheckMeshOutput(arguments.output));
+  if (arguments.texture.empty()) {
+    ISOMATCH_RETURN_IF_ERROR(CheckMeshOutput(arguments.output));
+  } else {
+    ISOMATCH_RETURN_IF_ERROR(CheckTextureOutput(arguments.output));
+  }
   return arguments.truth.empty() ? absl::OkStatus()
                                  : CheckOutputFile(arguments.truth);
+}
+
+// An .obj file with its .mtl and .png beside it.
+absl::Status WriteTexturedObj(const std::string& path, const Sample& sample,
+                              SamplePattern pattern) {
+  const fs::path library = fs::path(path).replace_extension(".mtl");
+  const fs::path png = fs::path(path).replace_extension(".png");
+  const MeshTexture texture = SampleTexture(sample, library.string());
+  ISOMATCH_ASSIGN_OR_RETURN(const std::string picture,
+                            EncodePng(SamplePicture(pattern)));
+  ISOMATCH_RETURN_IF_ERROR(WriteFileAtomically(png.string(), picture));
+  ISOMATCH_RETURN_IF_ERROR(WriteFileAtomically(
+      library.string(), SampleMaterial(png.filename().string())));
+  return WriteFileAtomically(path,
+                             FormatObj(path, sample.mesh, {&texture, nullptr}));
+}
+
+absl::Status WriteSample(const Arguments& arguments, const Sample& sample) {
+  const std::string& path = arguments.output;
+  if (arguments.texture.empty()) return WriteMesh(path, sample.mesh);
+  const SamplePattern pattern = arguments.texture == "stripes"
+                                    ? SamplePattern::kStripes
+                                    : SamplePattern::kChecker;
+  if (LowerExtension(path) == ".obj") {
+    return WriteTexturedObj(path, sample, pattern);
+  }
+  const Colors colors = SampleColors(sample, pattern);
+  return WriteFileAtomically(path,
+                             FormatPly(sample.mesh, ColorColumns(colors)));
 }
 
 absl::Status Run(const Arguments& arguments) {
@@ -100,7 +156,7 @@ absl::Status Run(const Arguments& arguments) {
     ISOMATCH_ASSIGN_OR_RETURN(const Sample x, MakeSample(from));
     truth = FormatMap(SampleTruth(x, sample));
   }
-  ISOMATCH_RETURN_IF_ERROR(WriteMesh(arguments.output, sample.mesh));
+  ISOMATCH_RETURN_IF_ERROR(WriteSample(arguments, sample));
   return truth.empty() ? absl::OkStatus()
                        : WriteFileAtomically(arguments.truth, truth);
 }
@@ -123,8 +179,12 @@ Command AddSampleCommand(CLI::App& app) {
       ->capture_default_str();
   command
       ->add_option("-o,--output", arguments->output,
-                   "Mesh to write, .off or .ply")
+                   "Mesh to write, .off or .ply; .obj with --texture")
       ->required();
+  command
+      ->add_option("--texture", arguments->texture,
+                   "Pattern on the animal: checker or stripes")
+      ->check(CLI::IsMember({"checker", "stripes"}));
   command->add_option("--truth-from", arguments->truth_from,
                       "POSE:VERTICES[:MESH_SEED] of the mesh the truth is for");
   command->add_option("--truth", arguments->truth,

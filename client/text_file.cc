@@ -4,15 +4,19 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <array>
 #include <cerrno>
+#include <charconv>
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <sstream>
 #include <system_error>
 #include <utility>
 
+#include "absl/strings/ascii.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
@@ -63,6 +67,14 @@ absl::Status WriteInPlace(const std::string& path, absl::string_view bytes) {
 // The folder that will hold `path`.
 fs::path FolderOf(const fs::path& path) {
   return path.has_parent_path() ? path.parent_path() : fs::path(".");
+}
+
+template <typename Number>
+void AppendShortest(Number number, std::string* text) {
+  std::array<char, 32> digits;
+  const std::to_chars_result end =
+      std::to_chars(digits.data(), digits.data() + digits.size(), number);
+  text->append(digits.data(), end.ptr);
 }
 
 bool IsDevice(const std::string& path) {
@@ -169,6 +181,34 @@ absl::StatusOr<std::vector<NumberLine>> ParseNumberLines(
     if (!numbers.empty()) lines.push_back({line, std::move(numbers)});
   }
   return lines;
+}
+
+absl::StatusOr<std::int64_t> ParseHeaderCount(absl::string_view word,
+                                              const std::string& of) {
+  constexpr std::int64_t kMaxCount = std::numeric_limits<std::int32_t>::max();
+  std::int64_t count = 0;
+  if (absl::SimpleAtoi(word, &count) && count >= 0 && count <= kMaxCount) {
+    return count;
+  }
+  return absl::InvalidArgumentError(
+      absl::StrCat("the header's number of ", of, " is '", word.substr(0, 40),
+                   "', expected 0 to ", kMaxCount));
+}
+
+std::vector<absl::string_view> SplitWords(absl::string_view line) {
+  return absl::StrSplit(line, absl::ByAnyChar(" \t\r\n"), absl::SkipEmpty());
+}
+
+void AppendNumber(double number, std::string* text) {
+  AppendShortest(number, text);
+}
+
+void AppendNumber(float number, std::string* text) {
+  AppendShortest(number, text);
+}
+
+std::string LowerExtension(const std::string& path) {
+  return absl::AsciiStrToLower(fs::path(path).extension().string());
 }
 
 absl::Status LineError(const std::string& path, int line,

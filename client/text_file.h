@@ -47,6 +47,21 @@ struct NumberLine {
 absl::StatusOr<std::vector<NumberLine>> ParseNumberLines(
     const std::string& path, absl::string_view text);
 
+/// Returns what a header says is the number of `of`. INVALID_ARGUMENT, without
+/// a path, for anything but 0 to 2^31 - 1.
+absl::StatusOr<std::int64_t> ParseHeaderCount(absl::string_view word,
+                                              const std::string& of);
+
+/// Returns the words of a line, which blanks separate.
+std::vector<absl::string_view> SplitWords(absl::string_view line);
+
+/// Appends the shortest text that reads back as the same number.
+void AppendNumber(double number, std::string* text);
+void AppendNumber(float number, std::string* text);
+
+/// The extension of a path in lower case, with its dot; "" for none.
+std::string LowerExtension(const std::string& path);
+
 /// An INVALID_ARGUMENT that begins with 'path', line N.
 absl::Status LineError(const std::string& path, int line,
                        const std::string& what);

@@ -169,16 +169,6 @@ absl::Status AddReport(const std::string& path, PairView& view) {
   return absl::OkStatus();
 }
 
-absl::StatusOr<VertexMap> LoadMap(const std::string& path,
-                                  VertexIndex vertices_x,
-                                  VertexIndex vertices_y) {
-  ISOMATCH_ASSIGN_OR_RETURN(VertexMap y_from_x, ReadMap(path, vertices_y));
-  if (static_cast<std::int64_t>(y_from_x.size()) == vertices_x) return y_from_x;
-  return absl::InvalidArgumentError(
-      absl::StrCat("'", path, "': ", y_from_x.size(), " lines, expected ",
-                   vertices_x, ", one for each vertex of X"));
-}
-
 /// Reads and measures all that is shown.
 absl::StatusOr<PairView> Load(const Arguments& arguments,
                               const Terminal& terminal) {
@@ -190,7 +180,7 @@ absl::StatusOr<PairView> Load(const Arguments& arguments,
   const TriangleMesh& mesh_y = view.y.mesh;
   ISOMATCH_ASSIGN_OR_RETURN(
       view.y_from_x,
-      LoadMap(arguments.map, mesh_x.num_vertices(), mesh_y.num_vertices()));
+      ReadMap(arguments.map, mesh_y.num_vertices(), mesh_x.num_vertices()));
   view.title = arguments.title.empty()
                    ? absl::StrCat(view.x.name, " \u2192 ", view.y.name)
                    : arguments.title;
@@ -277,7 +267,9 @@ Command AddViewCommand(CLI::App& app) {
   command->add_option("X", arguments->x, "Mesh that the map is of")->required();
   command->add_option("Y", arguments->y, "Mesh that the map leads to")
       ->required();
-  command->add_option("MAP", arguments->map, "Map as `match` writes it")
+  command
+      ->add_option("MAP", arguments->map,
+                   "Map as `match` writes it: .txt, .npy or .json")
       ->required();
   command->add_option("-o,--output", arguments->page, "Page to write, HTML");
   command->add_option("--png", arguments->picture, "Picture to write");

@@ -49,6 +49,7 @@ RESTRICTED = {
     r"spdlog": {"server/logging"},
     r"prometheus/": {"server/metrics"},
     r"CGAL/": {"client"},
+    r"png\.h$": {"client"},
     # A clock; core/base/mutex.h may wait, but tells no time to core.
     r"(chrono|absl/time/clock\.h|ctime)$":
         {"core/base", "server/jobs", "server/rpc", "server/convert", "server/storage",

@@ -264,7 +264,8 @@ void WarnOfVertices(const VertexMap& welded, VertexIndex dropped_faces,
        " vertices along seams coincide with others and were joined");
   warn(isolated, " vertices are on no face and stay unmatched");
   warn(dropped_faces, " degenerate or repeated faces left out");
-  warn(CountNonManifoldVertices(clean->mesh), " non-manifold vertices");
+  warn(static_cast<VertexIndex>(NonManifoldVertices(clean->mesh).size()),
+       " non-manifold vertices");
   WarnOfSlivers(clean);
   const int components = ConnectedComponents(clean->mesh).count;
   if (components > 1) warn(components, " separate components");

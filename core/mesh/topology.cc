@@ -56,7 +56,8 @@ class DisjointSets {
 
 }  // namespace
 
-EdgeFaces::EdgeFaces(const Faces& faces) : opposite_(3 * faces.rows(), -1) {
+EdgeFaces::EdgeFaces(const Faces& faces)
+    : opposite_(3 * faces.rows(), kBoundary) {
   const std::vector<KeyedSide> sides = SidesByEdge(faces);
   for (std::size_t begin = 0, end = 0; begin < sides.size(); begin = end) {
     while (end < sides.size() && sides[end].low == sides[begin].low &&
@@ -64,7 +65,12 @@ EdgeFaces::EdgeFaces(const Faces& faces) : opposite_(3 * faces.rows(), -1) {
       ++end;
     }
     if (end - begin == 1) ++boundary_edges_;
-    if (end - begin > 2) ++nonmanifold_edges_;
+    if (end - begin > 2) {
+      ++nonmanifold_edges_;
+      for (std::size_t i = begin; i < end; ++i) {
+        opposite_[sides[i].side] = kNonManifold;
+      }
+    }
     if (end - begin != 2) continue;
     opposite_[sides[begin].side] = sides[begin + 1].side;
     opposite_[sides[begin + 1].side] = sides[begin].side;
@@ -105,39 +111,45 @@ std::vector<int> LargeComponents(const TriangleMesh& mesh,
   return order;
 }
 
-int CountNonManifoldVertices(const TriangleMesh& mesh) {
-  const VertexStars stars(mesh);
-  int count = 0;
-  for (VertexIndex v = 0; v < mesh.num_vertices(); ++v) {
-    const auto neighbors = stars.Neighbors(v);
-    // The edges opposite v join its neighbours; a fan is one component.
-    DisjointSets link(static_cast<VertexIndex>(neighbors.size()));
-    const auto position = [&](VertexIndex u) {
-      return static_cast<VertexIndex>(
-          std::lower_bound(neighbors.begin(), neighbors.end(), u) -
-          neighbors.begin());
-    };
-    for (const VertexIndex f : stars.Faces(v)) {
-      VertexIndex first = kNoVertex;
-      for (int corner = 0; corner < 3; ++corner) {
-        const VertexIndex u = mesh.faces(f, corner);
-        if (u == v) continue;
-        if (first == kNoVertex) {
-          first = position(u);
-        } else {
-          link.Join(first, position(u));
-        }
-      }
-    }
-    for (VertexIndex u = 1; u < static_cast<VertexIndex>(neighbors.size());
-         ++u) {
-      if (link.Find(u) != link.Find(0)) {
-        ++count;
-        break;
+namespace {
+
+/// The edges opposite v join its neighbours; a fan is one part of them.
+bool HasOneFan(const TriangleMesh& mesh, const VertexStars& stars,
+               VertexIndex v) {
+  const auto neighbors = stars.Neighbors(v);
+  DisjointSets link(static_cast<VertexIndex>(neighbors.size()));
+  const auto position = [&](VertexIndex u) {
+    return static_cast<VertexIndex>(
+        std::lower_bound(neighbors.begin(), neighbors.end(), u) -
+        neighbors.begin());
+  };
+  for (const VertexIndex f : stars.Faces(v)) {
+    VertexIndex first = kNoVertex;
+    for (int corner = 0; corner < 3; ++corner) {
+      const VertexIndex u = mesh.faces(f, corner);
+      if (u == v) continue;
+      if (first == kNoVertex) {
+        first = position(u);
+      } else {
+        link.Join(first, position(u));
       }
     }
   }
-  return count;
+  for (VertexIndex u = 1; u < static_cast<VertexIndex>(neighbors.size()); ++u) {
+    if (link.Find(u) != link.Find(0)) return false;
+  }
+  return true;
+}
+
+}  // namespace
+
+std::vector<VertexIndex> NonManifoldVertices(const TriangleMesh& mesh) {
+  const VertexStars stars(mesh);
+  std::vector<VertexIndex> found;
+  for (VertexIndex v = 0; v < mesh.num_vertices(); ++v) {
+    if (!HasOneFan(mesh, stars, v)) found.push_back(v);
+  }
+  return found;
 }
 
 }  // namespace isomatch

@@ -28,11 +28,20 @@ class EdgeFaces {
     return {static_cast<VertexIndex>(other / 3), static_cast<int>(other % 3)};
   }
 
+  /// True when no other face meets this side.
+  bool IsBoundary(VertexIndex face, int corner) const {
+    return opposite_[3 * std::int64_t{face} + corner] == kBoundary;
+  }
+
   int boundary_edges() const { return boundary_edges_; }
   int nonmanifold_edges() const { return nonmanifold_edges_; }
 
  private:
-  std::vector<std::int64_t> opposite_;  ///< 3 face + corner, or -1
+  static constexpr std::int64_t kBoundary = -1;
+  static constexpr std::int64_t kNonManifold = -2;
+
+  /// 3 face + corner, or one of the above.
+  std::vector<std::int64_t> opposite_;
   int boundary_edges_ = 0;
   int nonmanifold_edges_ = 0;
 };
@@ -50,8 +59,8 @@ Components ConnectedComponents(const TriangleMesh& mesh);
 std::vector<int> LargeComponents(const TriangleMesh& mesh,
                                  const Components& components);
 
-/// Number of vertices at which two or more fans of faces meet that share no
-/// edge there. Time O(m).
-int CountNonManifoldVertices(const TriangleMesh& mesh);
+/// The vertices at which two or more fans of faces meet that share no edge
+/// there, by number. Time O(m).
+std::vector<VertexIndex> NonManifoldVertices(const TriangleMesh& mesh);
 
 }  // namespace isomatch

@@ -60,7 +60,8 @@ class CommandLineTest : public testing::Test {
 TEST_F(CommandLineTest, HelpAndVersionSucceed) {
   EXPECT_EQ(Run({"--version"}).status, kExitSuccess);
   EXPECT_THAT(Run({"--help"}).out, HasSubstr("Examples:"));
-  for (const char* command : {"match", "evaluate", "sample"}) {
+  for (const char* command :
+       {"match", "evaluate", "transfer", "inspect", "sample"}) {
     const CommandOutcome outcome = Run({command, "--help"});
     EXPECT_EQ(outcome.status, kExitSuccess);
     EXPECT_THAT(outcome.out, HasSubstr("Examples:")) << command;

@@ -16,7 +16,9 @@
 #include "absl/strings/str_cat.h"
 #include "client/map_file.h"
 #include "client/mesh_file.h"
+#include "client/ply_file.h"
 #include "client/text_file.h"
+#include "client/vertex_colors.h"
 #include "tests/client/run_isomatch.h"
 #include "tests/server/test_server.h"
 #include "tests/support/matchers.h"
@@ -104,6 +106,69 @@ TEST_F(MatchOutputsTest, EachFileHoldsWhatTheServerFound) {
     const VertexIndex v = y.faces(static_cast<Eigen::Index>(point[0]), corner);
     EXPECT_EQ(point[static_cast<size_t>(corner) + 1], weight_of_vertex[v]);
   }
+}
+
+TEST_F(MatchOutputsTest, MapsHaveTheFormatOfTheirExtension) {
+  on_found_ = FindEverything;
+  WriteMeshes(UnitSphere(1), Tetrahedron());
+  const auto match = [&](const std::string& map, const std::string& other,
+                         std::vector<std::string> options) {
+    options.insert(options.begin(),
+                   {"match", Path("x.off"), Path("y.off"), "-o", Path(map),
+                    "--alternative", Path(other), "--no-progress", "--server",
+                    server_->address()});
+    return RunIsomatch(options).status;
+  };
+  ASSERT_EQ(match("map.npy", "other.json", {}), kExitSuccess);
+  EXPECT_EQ((*ReadMap(Path("map.npy"), 4, 42))[7], 3);
+  EXPECT_EQ((*ReadMap(Path("other.json"), 4, 42))[7], 0);
+  // Only the map chosen has a confidence.
+  ASSERT_EQ(match("map.ply", "other.ply", {"--confidence", Path("c")}),
+            kExitSuccess);
+  EXPECT_THAT(*ReadFile(Path("map.ply"), "a map"),
+              HasSubstr("property float confidence\n"));
+  const std::string other = *ReadFile(Path("other.ply"), "a map");
+  EXPECT_THAT(other, HasSubstr("property int y_index\n"));
+  EXPECT_THAT(other, Not(HasSubstr("confidence")));
+}
+
+TEST_F(MatchOutputsTest, NoMeshIsOverwritten) {
+  WriteMeshes(UnitSphere(1), Tetrahedron());
+  const CommandOutcome outcome = MatchFiles({"--precise", Path("y.off")});
+  EXPECT_EQ(outcome.status, kExitUsage);
+  EXPECT_THAT(outcome.err, HasSubstr("--precise '" + Path("y.off") +
+                                     "': is a file that is read too"));
+  EXPECT_THAT(ReadMesh(Path("y.off"), "Y"), IsOk());
+}
+
+TEST_F(MatchOutputsTest, ColoursThatCannotBeReadDoNotStopAMatch) {
+  on_found_ = FindEverything;
+  WriteMeshes(UnitSphere(1), Tetrahedron());
+  folder_.Write("y.obj",
+                "v 0 0 0 1 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n"
+                "f 1 2 3\nf 1 3 4\nf 1 4 2\nf 2 4 3\n");
+  const CommandOutcome outcome =
+      RunIsomatch({"match", Path("x.off"), Path("y.obj"), "-o", Path("m.ply"),
+                   "--no-progress", "--server", server_->address()});
+  EXPECT_EQ(outcome.status, kExitSuccess);
+  EXPECT_THAT(outcome.err, HasSubstr("3 of 4 vertices have no colour"));
+  EXPECT_TRUE(Exists("m.ply"));
+}
+
+TEST_F(MatchOutputsTest, AMapInColoursTakesThoseOfY) {
+  on_found_ = FindEverything;
+  const TriangleMesh y = Tetrahedron();
+  const Colors red = Eigen::RowVector3d(1, 0, 0).replicate(4, 1);
+  WriteMeshes(UnitSphere(1), y);
+  folder_.Write("y.ply", FormatPly(y, ColorColumns(red)));
+  const std::string map = Path("map.ply");
+  ASSERT_EQ(RunIsomatch({"match", Path("x.off"), Path("y.ply"), "-o", map,
+                         "--no-progress", "--server", server_->address()})
+                .status,
+            kExitSuccess);
+  const auto colors = ReadVertexColors(map, 42);
+  ASSERT_TRUE(colors.ok() && colors->has_value());
+  EXPECT_EQ((*colors)->row(7), Eigen::RowVector3d(1, 0, 0));
 }
 
 TEST_F(MatchOutputsTest, TheReportTellsHowGoodTheMapIs) {

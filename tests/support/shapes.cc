@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <numbers>
 #include <numeric>
 #include <utility>
 
@@ -111,6 +112,29 @@ TriangleMesh PlaneGrid(int columns, int rows, double width, double height) {
       const int up = v + columns + 1;
       mesh.faces.row(face++) << v, v + 1, up + 1;
       mesh.faces.row(face++) << v, up + 1, up;
+    }
+  }
+  return mesh;
+}
+
+TriangleMesh Torus(int around, int across) {
+  constexpr double kTube = 0.4;
+  TriangleMesh mesh;
+  mesh.positions.resize(around * across, 3);
+  mesh.faces.resize(2 * around * across, 3);
+  for (int i = 0; i < around; ++i) {
+    for (int j = 0; j < across; ++j) {
+      const double u = 2 * std::numbers::pi * i / around;
+      const double v = 2 * std::numbers::pi * j / across;
+      const double radius = 1 + kTube * std::cos(v);
+      const int corner = i * across + j;
+      mesh.positions.row(corner) << radius * std::cos(u), radius * std::sin(u),
+          kTube * std::sin(v);
+      const int next_i = (i + 1) % around * across;
+      const int next_j = (j + 1) % across;
+      mesh.faces.row(2 * corner) << corner, next_i + j, next_i + next_j;
+      mesh.faces.row(2 * corner + 1) << corner, next_i + next_j,
+          i * across + next_j;
     }
   }
   return mesh;

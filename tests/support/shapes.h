@@ -16,6 +16,9 @@ TriangleMesh UnitSphere(int levels);
 /// 1) (rows + 1) vertices, row by row, normals +z.
 TriangleMesh PlaneGrid(int columns, int rows, double width, double height);
 
+/// A torus of radii 1 and 0.4 around z: around x across vertices, outward.
+TriangleMesh Torus(int around, int across);
+
 /// Four vertices, four faces, all edges of different lengths, outward.
 TriangleMesh Tetrahedron();
 

@@ -124,7 +124,7 @@ TEST_F(ViewCommandTest, WrongInputNamesFileAndLine) {
   with_file("--truth", "0 42\n", "line 1: y is 42, expected -1 to 41");
   with_file("--report", "[]", "expected an object");
   map_ = folder_.Write("short.txt", Numbers(41, "0"));
-  ExpectUsageError({"-o", page_}, "41 lines, expected 42");
+  ExpectUsageError({"-o", page_}, "41 entries, expected 42");
   map_ = folder_.Write("far.txt", Numbers(42, "42"));
   ExpectUsageError({"-o", page_}, "line 1: y is 42, expected -1 to 41");
   map_ = folder_.Path("none.txt");

@@ -1,0 +1,16 @@
+#include "client/embedded_server.h"
+
+#include "server/server_config.h"
+
+namespace isomatch {
+
+absl::StatusOr<std::unique_ptr<Server>> StartEmbeddedServer(
+    int workers, std::uint32_t threads) {
+  ServerConfig config;
+  config.listen.clear();
+  config.workers = workers;
+  config.threads_per_job = static_cast<int>(threads);
+  return Server::Create(config);
+}
+
+}  // namespace isomatch

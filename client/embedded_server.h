@@ -1,0 +1,17 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+
+#include "absl/status/statusor.h"
+#include "server/server.h"
+
+namespace isomatch {
+
+/// Starts the server that commands use when no `--server` was given: in this
+/// process, without a port and without files. `workers` >= 1 jobs at a time;
+/// `threads` of each, 0 sharing the cores among them. Errors of Server::Create.
+absl::StatusOr<std::unique_ptr<Server>> StartEmbeddedServer(
+    int workers = 1, std::uint32_t threads = 0);
+
+}  // namespace isomatch
