@@ -116,11 +116,18 @@ absl::StatusOr<v1::GetServerInfoResponse> IsomatchClient::GetServerInfo(
     const std::stop_token& stop) {
   const auto deadline = absl::ToChronoTime(absl::Now() + kFirstContact);
   v1::GetServerInfoResponse response;
+  // The first attempt says what is wrong; the next ones wait for a server that
+  // is about to start. (A call that fails at once does not keep gRPC
+  // connecting.)
+  std::string refusal;
   const absl::Status status = Retry(
       stop,
       [&](grpc::ClientContext* context) {
         context->set_deadline(deadline);
-        return stub_->GetServerInfo(context, {}, &response);
+        context->set_wait_for_ready(!refusal.empty());
+        grpc::Status attempt = stub_->GetServerInfo(context, {}, &response);
+        if (refusal.empty()) refusal = attempt.error_message();
+        return attempt;
       },
       kFirstContact);
   if (status.ok()) return response;
@@ -130,7 +137,7 @@ absl::StatusOr<v1::GetServerInfoResponse> IsomatchClient::GetServerInfo(
   }
   return absl::UnavailableError(
       absl::StrCat("no answer within ", absl::FormatDuration(kFirstContact),
-                   ", expected a running isomatch-server: ", status.message()));
+                   ", expected a running isomatch-server: ", refusal));
 }
 
 absl::StatusOr<MatchResult> IsomatchClient::Match(const MatchRequest& request,

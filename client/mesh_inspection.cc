@@ -9,6 +9,7 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "client/mesh_file.h"
 #include "client/ply_file.h"
 #include "client/text_file.h"
 #include "core/base/status_macros.h"

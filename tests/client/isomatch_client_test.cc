@@ -5,6 +5,7 @@
 #include <future>
 #include <memory>
 #include <optional>
+#include <thread>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -288,6 +289,17 @@ TEST_F(IsomatchClientTest, AServerThatNeverAnswersIsGivenUpSoon) {
               StatusIs(absl::StatusCode::kUnavailable,
                        HasSubstr("no answer within 3s, expected a running")));
   EXPECT_LT(absl::Now() - begin, absl::Seconds(5));
+}
+
+TEST_F(IsomatchClientTest, AServerThatStartsInAMomentIsWaitedFor) {
+  ServerConfig config = TestConfig();
+  config.listen = server_->address();
+  server_.reset();
+  const std::jthread starter([&] {
+    absl::SleepFor(absl::Milliseconds(600));
+    Restart(config);
+  });
+  EXPECT_THAT(IsomatchClient(ConnectTo(config.listen)).GetServerInfo(), IsOk());
 }
 
 TEST_F(IsomatchClientTest, ALatecomerIsWaitedFor) {
