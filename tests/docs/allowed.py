@@ -73,7 +73,31 @@ def check_ctest(words):
     return programs.check_presets(words) + [
         f"no test has the label {label}"
         for label in labels
-        if label != "LABEL" and not re.search(rf"LABELS? {label}\b", lists)
+        if not re.search(rf"LABELS? {label.strip('^$')}\b", lists)
+    ]
+
+
+def check_build(words):
+    """--preset names a preset, --target a target."""
+    return programs.check_presets(words) + check_targets(
+        [value for flag, value in zip(words, words[1:]) if flag == "--target"]
+    )
+
+
+def check_targets(names):
+    folders = ("core", "server", "client", "proto", "tests")
+    lists = "".join(path.read_text() for folder in folders
+                    for path in (ROOT / folder).rglob("CMakeLists.txt"))  # fmt: skip
+    return [f"there is no target {name}" for name in names
+            if not re.search(rf"\({name}\s", lists)]  # fmt: skip
+
+
+def check_test_binary(words):
+    """The binary is a target, the suite of --gtest_filter in a test."""
+    tests = "".join(path.read_text() for path in (ROOT / "tests").rglob("*_test.cc"))
+    suites = re.findall(r"--gtest_filter='?(\w+)", " ".join(words))
+    return check_targets([words[0].rpartition("/")[2]]) + [
+        f"there is no suite {suite}" for suite in suites if f"({suite}," not in tests
     ]
 
 
@@ -139,9 +163,11 @@ ALLOWED = [
     Allowed("docker/smoke-test", "needs root and the Debian mirror", programs.check_script),
     Allowed("packaging/deb-test", "needs root and the Debian mirror", programs.check_script),
     Allowed("cmake --preset", "configures a build", programs.check_presets),
-    Allowed("cmake --build", "builds", programs.check_presets),
+    Allowed("cmake --build", "builds", check_build),
     Allowed("cmake --install", "installs", check_component),
     Allowed("ctest", "runs this test", check_ctest),
+    Allowed("build/dev/bin/core_mesh_test", "a test of its own", check_test_binary),
+    Allowed("server_binary_test", "a test of its own", check_test_binary),
     Allowed("docker run", "needs a Docker daemon", check_docker_run),
     Allowed("docker compose", "needs a Docker daemon", check_paths),
     Allowed("kubectl", "needs a cluster", check_kubectl),

@@ -7,6 +7,9 @@ import shlex
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 
+# Ours; build/ is made.
+FOLDERS = ("client", "core", "docker", "packaging", "proto", "scripts", "server", "tests")
+
 # What separates simple commands in a line of shell.
 SEPARATORS = {"&&", "||", "|", ";", "&", "(", ")", ");"}
 
@@ -40,7 +43,7 @@ def documents():
     """Returns the paths of our Markdown files from ROOT, but of CHANGELOG.md,
     which may name what is gone."""
     found = [*ROOT.glob("*.md")]
-    for folder in ("client", "core", "docker", "packaging", "proto", "scripts", "server", "tests"):
+    for folder in FOLDERS:
         found += (ROOT / folder).rglob("*.md")
     names = [path.relative_to(ROOT) for path in sorted(found)]
     return [str(name) for name in names

@@ -204,6 +204,16 @@ class CommandsTest(unittest.TestCase):
             with self.subTest(where=str(span)):
                 self.assertEqual(faults(words), [])
 
+    def test_files_in_the_text_exist(self):
+        for document, text in TEXTS.items():
+            for span in readme.spans(document, text):
+                if re.fullmatch(rf"({'|'.join(readme.FOLDERS)})/[\w./-]+", span.text):
+                    with self.subTest(where=str(span)):
+                        # Often without the extension, for a header and its source.
+                        self.assertTrue(
+                            (ROOT / span.text).exists() or [*ROOT.glob(span.text + ".*")]
+                        )
+
     def test_flags_in_the_text_are_known(self):
         known = programs.every_flag() | set(FOREIGN_FLAGS)
         spans = [span for name, text in TEXTS.items() for span in readme.spans(name, text)]

@@ -43,6 +43,8 @@ FAULTS = {
     "cmake --preset none": "no none among the configurePresets",
     "cmake --build --preset soak": "no soak among the buildPresets",
     "cmake --install build/release --component none": "no component none",
+    "cmake --build --preset dev --target none": "no target none",
+    "server_binary_test --gtest_filter='NoneTest.*'": "no suite NoneTest",
     "ctest --preset none": "no none among the testPresets",
     "ctest -L none": "no test has the label none",
     "docker compose -f docker/none.yaml up": "no docker/none.yaml",
