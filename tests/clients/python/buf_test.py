@@ -2,7 +2,6 @@
 
 import os
 import pathlib
-import re
 import subprocess
 import unittest
 
@@ -15,9 +14,8 @@ ADDRESS = "127.0.0.1:7443"
 
 
 def recipes():
-    """The blocks of shell lines that call buf, of which the first defines api."""
-    blocks = re.findall(r"```sh\n(.*?)```", MANUAL.read_text(), re.DOTALL)
-    return [block for block in blocks if "buf curl" in block or "\napi " in block]
+    """The blocks of shell lines, of which the first defines api."""
+    return support.blocks(MANUAL, "From a shell", "sh")
 
 
 class BufTest(unittest.TestCase):

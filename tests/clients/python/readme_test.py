@@ -1,10 +1,9 @@
-"""The Python and Node blocks of client/README.md, run as they stand there."""
+"""The Python and Node blocks of README.md and client/README.md, run as they stand there."""
 
 import contextlib
 import io
 import os
 import pathlib
-import re
 import subprocess
 import unittest
 
@@ -13,12 +12,8 @@ import support
 
 import isomatch
 
-README = pathlib.Path(os.environ["ISOMATCH_CLIENT_README"]).read_text()
-
-
-def block(section: str, language: str, number: int = 0) -> str:
-    text = README.partition(f"\n## {section}\n")[2].partition("\n## ")[0]
-    return re.findall(rf"```{language}\n(.*?)```", text, re.DOTALL)[number]
+MANUAL = pathlib.Path(os.environ["ISOMATCH_CLIENT_README"])
+FRONT_PAGE = MANUAL.parents[1] / "README.md"
 
 
 def replaced(text: str, old: str, new: str) -> str:
@@ -36,10 +31,21 @@ class ReadmeTest(unittest.TestCase):
         self.addCleanup(os.chdir, os.getcwd())
         os.chdir(folder)
 
+    def test_the_front_page(self):
+        [block] = support.blocks(FRONT_PAGE, "From other languages", "python")
+        vertices_x, faces_x = isomatch.read_mesh(support.pair()[0])
+        names = {"vertices_x": vertices_x, "faces_x": faces_x}
+        with support.Server("--ephemeral") as server:
+            exec(replaced(block, "127.0.0.1:7443", server.address), names)
+        self.assertEqual(
+            support.as_map_file(names["result"].y_from_x),
+            support.map_of_command_line(*support.pair()),
+        )
+
     def test_the_first_page_of_python(self):
         vertices_x, faces_x = isomatch.read_mesh(support.pair()[0])
         names = {"vertices_x": vertices_x, "faces_x": faces_x, "uv_y": np.zeros((900, 2))}
-        exec(block("Python", "python"), names)
+        exec(support.blocks(MANUAL, "Python", "python")[0], names)
         self.assertEqual(
             support.as_map_file(names["result"].y_from_x),
             support.map_of_command_line(*support.pair()),
@@ -49,7 +55,8 @@ class ReadmeTest(unittest.TestCase):
         secure = '"meshes.example.org:7443", tls_ca="ca.crt", api_key=key'
         names = {"isomatch": isomatch}
         with support.Server("--ephemeral") as server:
-            steps = replaced(block("Python", "python", 1), secure, repr(server.address))
+            [_, block] = support.blocks(MANUAL, "Python", "python")
+            steps = replaced(block, secure, repr(server.address))
             with contextlib.redirect_stdout(io.StringIO()) as said:
                 exec(steps, names)
         self.assertIn("JobState.SUCCEEDED", said.getvalue())
@@ -58,7 +65,7 @@ class ReadmeTest(unittest.TestCase):
 
     def test_the_commands_of_node(self):
         with support.Server("--ephemeral") as server:
-            script = block("Node", "sh")
+            [script] = support.blocks(MANUAL, "Node", "sh")
             script = replaced(script, "cd client/node && npm ci", "set -e")
             script = replaced(script, "isomatch-server --ephemeral &\n", "")
             script = replaced(

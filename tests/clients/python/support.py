@@ -147,6 +147,12 @@ def map_of_command_line(x: pathlib.Path, y: pathlib.Path) -> bytes:
     return path.read_bytes()
 
 
+def blocks(document: pathlib.Path, section: str, language: str) -> list[str]:
+    """The fenced blocks of a language below a heading of a Markdown file."""
+    text = document.read_text().partition(f"\n## {section}\n")[2].partition("\n## ")[0]
+    return re.findall(rf"```{language}\n(.*?)```", text, re.DOTALL)
+
+
 def as_map_file(y_from_x: np.ndarray) -> bytes:
     return "".join(f"{y}\n" for y in y_from_x).encode()
 

@@ -1,0 +1,195 @@
+"""Commands of the manuals that no test runs: why not, and what is looked at instead."""
+
+import dataclasses
+import re
+import subprocess
+import tempfile
+import typing
+
+import programs
+from readme import ROOT
+
+# Options of `docker run`, with whether a value follows.
+DOCKER_RUN = {
+    "--rm": False, "--read-only": False, "--cap-drop": True, "--security-opt": True,
+    "-v": True, "--tmpfs": True, "-p": True, "-e": True, "--user": True,
+}  # fmt: skip
+
+
+@dataclasses.dataclass(frozen=True)
+class Allowed:
+    """Commands that begin with these words."""
+
+    start: str
+    why: str
+    check: typing.Callable  # of the words, returns a list of what is wrong
+
+    def matches(self, words):
+        start = self.start.split()
+        return words[: len(start)] == start
+
+
+def read(path):
+    return (ROOT / path).read_text()
+
+
+def check_paths(words):
+    """Names of this repository's files exist; those below build/ are made."""
+    named = [word.removeprefix("./") for word in words[1:] if re.match(r"[\w./-]+/", word)]
+    return [f"there is no {name}" for name in named
+            if not name.startswith(("build/", "/")) and not (ROOT / name).exists()]  # fmt: skip
+
+
+def check_apt(words):
+    """Packages are in docker/packages.txt, or what scripts/package makes."""
+    packaging = read("packaging/CMakeLists.txt")
+    made = re.findall(r"set\(CPACK_DEBIAN_\w+_PACKAGE_NAME (\S+)\)", packaging)
+    known = read("docker/packages.txt").split() + [f"./build/package/{name}_*.deb" for name in made]
+    packages = words[words.index("install") + 1 :]
+    return [f"{name} is neither in docker/packages.txt nor of scripts/package"
+            for name in packages if name not in known]  # fmt: skip
+
+
+def check_unit(words):
+    unit = ROOT / f"packaging/{words[-1]}.service.in"
+    return [] if unit.is_file() else [f"packaging has no unit {words[-1]}"]
+
+
+def check_kubectl(words):
+    """Files exist; objects are those of the manifests."""
+    manifests = "".join(path.read_text() for path in (ROOT / "docker/kubernetes").glob("*.yaml"))
+    names = [word.split("/")[-1] for word in words if word.split("/")[-1].startswith("isomatch")]
+    return check_paths([word for word in words if not word.startswith("statefulset/")]) + [
+        f"docker/kubernetes names no {name}"
+        for name in names
+        if not re.search(rf"[nN]ame: {name}$|namespace: {name}$", manifests, re.MULTILINE)
+    ]
+
+
+def check_ctest(words):
+    """--preset names a preset, -L a label."""
+    lists = "".join(path.read_text() for path in (ROOT / "tests").rglob("CMakeLists.txt"))
+    labels = [value for flag, value in zip(words, words[1:]) if flag == "-L"]
+    return programs.check_presets(words) + [
+        f"no test has the label {label}"
+        for label in labels
+        if not re.search(rf"LABELS? {label.strip('^$')}\b", lists)
+    ]
+
+
+def check_build(words):
+    """--preset names a preset, --target a target."""
+    return programs.check_presets(words) + check_targets(
+        [value for flag, value in zip(words, words[1:]) if flag == "--target"]
+    )
+
+
+def check_targets(names):
+    folders = ("core", "server", "client", "proto", "tests")
+    lists = "".join(path.read_text() for folder in folders
+                    for path in (ROOT / folder).rglob("CMakeLists.txt"))  # fmt: skip
+    return [f"there is no target {name}" for name in names
+            if not re.search(rf"\({name}\s", lists)]  # fmt: skip
+
+
+def check_test_binary(words):
+    """The binary is a target, the suite of --gtest_filter in a test."""
+    tests = "".join(path.read_text() for path in (ROOT / "tests").rglob("*_test.cc"))
+    suites = re.findall(r"--gtest_filter='?(\w+)", " ".join(words))
+    return check_targets([words[0].rpartition("/")[2]]) + [
+        f"there is no suite {suite}" for suite in suites if f"({suite}," not in tests
+    ]
+
+
+def check_component(words):
+    components = re.search(r"set\(components (.*)\)", read("packaging/CMakeLists.txt")).group(1)
+    return [] if words[-1] in components.split() else [f"there is no component {words[-1]}"]
+
+
+def run_arguments(words):
+    """Returns the options of a `docker run` as pairs, and what follows them."""
+    options, rest = [], list(words[2:])
+    while rest and rest[0].startswith("-"):
+        name = rest.pop(0)
+        options.append((name, rest.pop(0) if DOCKER_RUN.get(name) else ""))
+    return options, rest
+
+
+def check_docker_run(words):
+    """The images are ours, their settings and arguments ones that our programs take,
+    volumes and ports those of the image."""
+    options, (image, *arguments) = run_arguments(words)
+    unknown = [name for name, _ in options if name not in DOCKER_RUN]
+    problems = [f"the tests know no docker run {name}" for name in unknown]
+    if image not in ("isomatch", "isomatch-server"):
+        problems.append(f"docker/build makes no image {image}")
+    if image == "isomatch-server" and not arguments:
+        problems += check_server_container(options)
+    return problems + programs.check_program([image, *arguments])
+
+
+def check_server_container(options):
+    """The image's server accepts the settings and finds its volume and its files."""
+    settings = dict(value.split("=", 1) for name, value in options if name == "-e")
+    flags = programs.help_text(programs.SERVER)
+    unknown = [name for name in settings if f"Env:{name})" not in flags]
+    problems = [f"isomatch-server has no {name}" for name in unknown]
+    with tempfile.TemporaryDirectory() as home:
+        answer = subprocess.run(
+            [programs.SERVER, "--config", ROOT / "docker/server.toml", "--print-config"],
+            env={**programs.environment(home), **settings}, capture_output=True, text=True,
+            timeout=60,
+        )  # fmt: skip
+    if answer.returncode:
+        return [*problems, answer.stderr]
+    config = dict(re.findall(r"^([a-z-]+) = \"?(.*?)\"?$", answer.stdout, re.MULTILINE))
+    ports = [value.split(":")[-1] for name, value in options if name == "-p"]
+    if ports != [config["listen"].split(":")[-1]]:
+        problems.append(f"-p opens {ports}, the server listens on {config['listen']}")
+    mounted = {value.split(":")[1] for name, value in options if name == "-v"}
+    files = [value for value in settings.values() if value.startswith("/")]
+    needed = {config["data-dir"], *(name.rpartition("/")[0] for name in files)}
+    return problems + [f"-v mounts no {folder}" for folder in sorted(needed - mounted)]
+
+
+ALLOWED = [
+    Allowed("scripts/demo", "builds the release preset", programs.check_script),
+    Allowed("scripts/test", "builds everything and runs this test", programs.check_script),
+    Allowed("scripts/setup", "installs Debian packages", programs.check_script),
+    Allowed("scripts/package", "builds the Debian packages", programs.check_script),
+    Allowed("scripts/bench", "measures for minutes", programs.check_bench),
+    Allowed("tests/bench/make_resolution_pairs.py", "needs a data set", programs.check_script),
+    Allowed("docker/build", "needs docker, podman or buildah", programs.check_script),
+    Allowed("docker/smoke-test", "needs root and the Debian mirror", programs.check_script),
+    Allowed("packaging/deb-test", "needs root and the Debian mirror", programs.check_script),
+    Allowed("cmake --preset", "configures a build", programs.check_presets),
+    Allowed("cmake --build", "builds", check_build),
+    Allowed("cmake --install", "installs", check_component),
+    Allowed("ctest", "runs this test", check_ctest),
+    Allowed("build/dev/bin/core_mesh_test", "a test of its own", check_test_binary),
+    Allowed("server_binary_test", "a test of its own", check_test_binary),
+    Allowed("docker run", "needs a Docker daemon", check_docker_run),
+    Allowed("docker compose", "needs a Docker daemon", check_paths),
+    Allowed("kubectl", "needs a cluster", check_kubectl),
+    Allowed("sudo apt install", "changes the machine", check_apt),
+    Allowed("apt install", "changes the machine", check_apt),
+    Allowed("pip install", "uses the network", check_paths),
+    Allowed("/usr/bin/python3 -m pip install", "changes the machine", check_paths),
+    Allowed("systemctl", "needs systemd", check_unit),
+]
+
+
+def allowed(words):
+    """Returns the entry for a command, or None."""
+    return next((entry for entry in ALLOWED if entry.matches(words)), None)
+
+
+def faults(words):
+    """Returns what is wrong with a command, as far as that can be seen without
+    running it."""
+    entry = allowed(words)
+    if entry:
+        return entry.check(words)
+    if words[0] in ("isomatch", "isomatch-server"):
+        return programs.check_program(words)
+    return programs.check_script(words)
