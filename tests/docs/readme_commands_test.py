@@ -115,10 +115,10 @@ def script(block):
             line = line.replace(address, f"{host}:{port}")
         steps.append(line)
         if starts_server(line):
-            # Readers have a terminal for it, or &, and see when it listens.
             steps[-1] = line.removesuffix("&") + " &"
-            steps.append(f"until (: < /dev/tcp/127.0.0.1/{port}) 2>/dev/null")
-            steps.append("do kill -0 $!; sleep 0.05; done")
+            if not line.endswith("&"):  # a terminal of its own, where one sees it listen
+                steps.append(f"until (: < /dev/tcp/127.0.0.1/{port}) 2>/dev/null")
+                steps.append("do kill -0 $!; sleep 0.05; done")
     return "\n".join(steps) + "\n"
 
 
