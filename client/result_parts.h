@@ -8,7 +8,7 @@
 #include "absl/status/statusor.h"
 #include "absl/strings/string_view.h"
 #include "core/base/vertex_index.h"
-#include "core/pipeline/matcher.h"
+#include "core/pipeline/precise_point.h"
 
 namespace isomatch {
 

@@ -17,6 +17,7 @@
 #include "core/base/vertex_index.h"
 #include "core/mesh/triangle_mesh.h"
 #include "core/pipeline/match_options.h"
+#include "core/pipeline/precise_point.h"
 
 namespace isomatch {
 
@@ -60,15 +61,6 @@ using ProgressCallback = std::function<void(const Progress&)>;
 struct StageMap {
   Stage stage;
   VertexMap y_from_x;
-};
-
-/// A place on Y between the vertices of one of its faces. Named by vertices,
-/// not by face, since a face's number need not survive compression.
-struct PrecisePoint {
-  /// Of Y, counter-clockwise; kNoVertex for no place.
-  std::array<VertexIndex, 3> vertices = {kNoVertex, kNoVertex, kNoVertex};
-  /// Barycentric coordinates, each in [0, 1], sum 1.
-  std::array<double, 3> weights = {0, 0, 0};
 };
 
 /// What speaks for and against a whole map; all but the orientation score are

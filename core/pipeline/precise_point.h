@@ -1,0 +1,18 @@
+#pragma once
+
+#include <array>
+
+#include "core/base/vertex_index.h"
+
+namespace isomatch {
+
+/// A place on Y between the vertices of one of its faces. Named by vertices,
+/// not by face, since a face's number need not survive compression.
+struct PrecisePoint {
+  /// Of Y, counter-clockwise; kNoVertex for no place.
+  std::array<VertexIndex, 3> vertices = {kNoVertex, kNoVertex, kNoVertex};
+  /// Barycentric coordinates, each in [0, 1], sum 1.
+  std::array<double, 3> weights = {0, 0, 0};
+};
+
+}  // namespace isomatch
