@@ -146,18 +146,28 @@ absl::Status JsonError(const std::string& path, const std::string& what) {
 
 absl::Status ParseJson(const std::string& path, const std::string& text,
                        Json* json) {
+  // A map's is 1; what is deeper is left out, since a library that walks it
+  // would use up the stack.
+  constexpr int kMostDepth = 8;
+  const auto is_kept = [](int depth, Json::parse_event_t, Json&) {
+    return depth <= kMostDepth;
+  };
+  std::string why;
   try {
-    *json = Json::parse(text);
+    *json = Json::parse(text, is_kept);
     return absl::OkStatus();
+  } catch (const Json::parse_error& error) {
+    why = absl::StrCat("byte ", error.byte, ": not JSON (", error.what());
   } catch (const Json::exception& error) {
-    return JsonError(path, absl::StrCat("not JSON (", error.what(),
-                                        "), expected a map as `isomatch match` "
-                                        "writes it"));
+    why = absl::StrCat("not JSON (", error.what());
   }
+  return JsonError(
+      path,
+      absl::StrCat(why, "), expected a map as `isomatch match` writes it"));
 }
 
 // For errors: a number or a word as it stands, cut; of others, which may be
-// deep or large, only what they are.
+// large, only what they are.
 std::string Shown(const Json& json) {
   if (!json.is_primitive()) return json.type_name();
   return json.dump(-1, ' ', false, Json::error_handler_t::replace)

@@ -102,8 +102,10 @@ def check_test_binary(words):
 
 
 def check_component(words):
+    """What follows --component is one."""
     components = re.search(r"set\(components (.*)\)", read("packaging/CMakeLists.txt")).group(1)
-    return [] if words[-1] in components.split() else [f"there is no component {words[-1]}"]
+    named = [value for flag, value in zip(words, words[1:]) if flag == "--component"]
+    return [f"there is no component {name}" for name in named if name not in components.split()]
 
 
 def run_arguments(words):

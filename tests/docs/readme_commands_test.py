@@ -27,6 +27,8 @@ ELSEWHERE = {
     ("README.md", "From other languages", "python"): (1, "tests/clients/python/readme_test.py"),
     ("client/README.md", "Python", "python"): (2, "tests/clients/python/readme_test.py"),
     ("client/README.md", "Node", "sh"): (1, "tests/clients/python/readme_test.py"),
+    ("client/README.md", "C++", "cmake"): (1, "tests/clients/python/cpp_test.py"),
+    ("client/README.md", "C++", "cpp"): (1, "tests/clients/python/cpp_test.py"),
     ("proto/README.md", "From a shell", "sh"): (3, "tests/clients/python/buf_test.py"),
 }
 
@@ -142,6 +144,10 @@ def make_inputs(folder):
         arguments = ["sample", "--pose", pose, "--vertices", "500", "-o", folder / name]
         if pose == "B":
             arguments += ["--truth-from", "A:500", "--truth", folder / "truth.txt"]
+        subprocess.run([programs.CLIENT, *arguments], check=True, timeout=60)
+    for name, options in (("dog.obj", ["--pose", "B", "--texture", "checker"]),
+                          ("scan.ply", ["--pose", "C"])):  # fmt: skip
+        arguments = ["sample", *options, "--vertices", "500", "-o", folder / name]
         subprocess.run([programs.CLIENT, *arguments], check=True, timeout=60)
     for copy, original in (("X.off", "cat.off"), ("Y.off", "dog.off"), ("template.off", "cat.off")):
         shutil.copy(folder / original, folder / copy)

@@ -121,8 +121,9 @@ class CppTest(unittest.TestCase):
     def test_the_program_of_the_readme(self):
         source = FOLDER / "app"
         source.mkdir()
-        (source / "CMakeLists.txt").write_text(readme_test.block("C++", "cmake"))
-        program = readme_test.block("C++", "cpp")
+        [lists] = support.blocks(readme_test.MANUAL, "C++", "cmake")
+        [program] = support.blocks(readme_test.MANUAL, "C++", "cpp")
+        (source / "CMakeLists.txt").write_text(lists)
         program = readme_test.replaced(program, "127.0.0.1:7443", self.server.address)
         (source / "app.cc").write_text(program)
         build(source, source / "build")
