@@ -2,10 +2,12 @@
 
 #include <functional>
 
-#include <CLI/CLI.hpp>
-
 #include "absl/status/status.h"
 #include "client/command_line.h"
+
+namespace CLI {
+class App;
+}  // namespace CLI
 
 namespace isomatch {
 

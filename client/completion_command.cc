@@ -1,6 +1,8 @@
 #include <memory>
 #include <string>
 
+#include <CLI/CLI.hpp>
+
 #include "client/commands.h"
 #include "client/shell_texts.h"
 #include "core/base/version.h"

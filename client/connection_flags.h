@@ -3,10 +3,12 @@
 #include <string>
 #include <vector>
 
-#include <CLI/CLI.hpp>
-
 #include "absl/status/statusor.h"
 #include "client/connection.h"
+
+namespace CLI {
+class App;
+}  // namespace CLI
 
 namespace isomatch {
 

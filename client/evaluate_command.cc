@@ -3,6 +3,7 @@
 #include <string>
 #include <utility>
 
+#include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
 #include "absl/status/statusor.h"

@@ -2,6 +2,8 @@
 #include <string>
 #include <vector>
 
+#include <CLI/CLI.hpp>
+
 #include "absl/status/statusor.h"
 #include "client/commands.h"
 #include "client/connection_flags.h"

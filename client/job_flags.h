@@ -5,12 +5,14 @@
 #include <string>
 #include <vector>
 
-#include <CLI/CLI.hpp>
-
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "client/match_request.h"
+
+namespace CLI {
+class App;
+}  // namespace CLI
 
 namespace isomatch {
 

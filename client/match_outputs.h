@@ -4,12 +4,14 @@
 #include <string>
 #include <vector>
 
-#include <CLI/CLI.hpp>
-
 #include "absl/status/status.h"
 #include "client/command_line.h"
 #include "client/isomatch_client.h"
 #include "client/vertex_colors.h"
+
+namespace CLI {
+class App;
+}  // namespace CLI
 
 namespace isomatch {
 
