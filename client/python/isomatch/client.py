@@ -293,6 +293,8 @@ class Job:
             try:
                 for response in call:
                     backoff.reset()
+                    if response.job.sequence == request.after_sequence:
+                        continue  # a heartbeat
                     request.after_sequence = response.job.sequence
                     yield self._seen(response.job)
                     if self._status.is_terminal:
@@ -314,6 +316,8 @@ class Job:
                 try:
                     async for response in call:
                         backoff.reset()
+                        if response.job.sequence == request.after_sequence:
+                            continue  # a heartbeat
                         request.after_sequence = response.job.sequence
                         yield self._seen(response.job)
                         if self._status.is_terminal:
