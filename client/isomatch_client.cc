@@ -333,22 +333,22 @@ absl::StatusOr<v1::Job> IsomatchClient::GetJob(const std::string& name,
 }
 
 absl::StatusOr<std::vector<v1::Job>> IsomatchClient::ListJobs(
-    const JobFilter& filter, const std::stop_token& stop) {
+    const JobQuery& query, const std::stop_token& stop) {
   constexpr std::size_t kPageSize = 1000;
   v1::ListJobsRequest request;
-  for (const v1::Job::State state : filter.states) request.add_states(state);
-  request.mutable_labels()->insert(filter.labels.begin(), filter.labels.end());
+  for (const v1::Job::State state : query.states) request.add_states(state);
+  request.mutable_labels()->insert(query.labels.begin(), query.labels.end());
   std::vector<v1::Job> jobs;
   do {
     request.set_page_size(static_cast<std::uint32_t>(
-        std::min(kPageSize, filter.limit - jobs.size())));
+        std::min(kPageSize, query.limit - jobs.size())));
     v1::ListJobsResponse response;
     ISOMATCH_RETURN_IF_ERROR(Retry(stop, [&](grpc::ClientContext* context) {
       return stub_->ListJobs(context, request, &response);
     }));
     jobs.insert(jobs.end(), response.jobs().begin(), response.jobs().end());
     request.set_page_token(response.next_page_token());
-  } while (!request.page_token().empty() && jobs.size() < filter.limit);
+  } while (!request.page_token().empty() && jobs.size() < query.limit);
   return jobs;
 }
 

@@ -47,7 +47,7 @@ absl::Status OutcomeOf(const v1::Job& job);
 bool IsTerminal(const v1::Job& job);
 
 /// Which jobs ListJobs returns.
-struct JobFilter {
+struct JobQuery {
   /// In one of these; empty for all.
   std::vector<v1::Job::State> states;
   /// With all of these.
@@ -116,7 +116,7 @@ class IsomatchClient {
   absl::StatusOr<v1::Job> GetJob(const std::string& name,
                                  const std::stop_token& stop = {});
   absl::StatusOr<std::vector<v1::Job>> ListJobs(
-      const JobFilter& filter, const std::stop_token& stop = {});
+      const JobQuery& query, const std::stop_token& stop = {});
   absl::StatusOr<v1::Job> CancelJob(const std::string& name,
                                     const std::stop_token& stop = {});
   absl::Status DeleteJob(const std::string& name,

@@ -88,18 +88,18 @@ struct ListArguments {
 };
 
 absl::Status RunList(const ListArguments& arguments, const Terminal& terminal) {
-  JobFilter filter;
-  filter.limit = arguments.limit;
+  JobQuery query;
+  query.limit = arguments.limit;
   for (const std::string& text : arguments.states) {
     ISOMATCH_ASSIGN_OR_RETURN(const v1::Job::State state, ParseState(text));
-    filter.states.push_back(state);
+    query.states.push_back(state);
   }
-  ISOMATCH_ASSIGN_OR_RETURN(filter.labels,
+  ISOMATCH_ASSIGN_OR_RETURN(query.labels,
                             ParseLabels("--label", arguments.labels));
   ISOMATCH_ASSIGN_OR_RETURN(const RemoteServer server,
                             RemoteServer::Open(arguments.connection, terminal));
   const absl::StatusOr<std::vector<v1::Job>> jobs =
-      IsomatchClient(server.channel()).ListJobs(filter, terminal.stop);
+      IsomatchClient(server.channel()).ListJobs(query, terminal.stop);
   if (!jobs.ok()) return server.Explain(jobs.status());
   if (!arguments.names && !arguments.json) {
     return Print(FormatJobs(*jobs, absl::Now()), terminal);
