@@ -4,6 +4,8 @@
 #include <system_error>
 #include <utility>
 
+#include <nlohmann/json.hpp>
+
 #include "absl/strings/str_cat.h"
 #include "client/mesh_file.h"
 #include "core/base/status_macros.h"
@@ -18,6 +20,15 @@ absl::StatusOr<TriangleMesh> LoadMesh(const std::string& path,
     warnings->push_back(absl::StrCat(field, ": '", path, "': ", warning));
   }
   return std::move(loaded.mesh);
+}
+
+absl::Status PrintJson(const nlohmann::ordered_json& json,
+                       const Terminal& terminal) {
+  constexpr int kIndent = 2;
+  return Print(json.dump(kIndent, ' ', /*ensure_ascii=*/false,
+                         nlohmann::ordered_json::error_handler_t::replace) +
+                   "\n",
+               terminal);
 }
 
 absl::Status CheckNotInput(const std::string& option, const std::string& output,

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "absl/status/statusor.h"
+#include "client/command_support.h"
 #include "client/commands.h"
 #include "client/connection_flags.h"
 #include "client/embedded_server.h"
@@ -98,14 +99,8 @@ absl::Status Run(const Arguments& arguments, const Terminal& terminal) {
     }
   }
   if (arguments.json) {
-    constexpr int kIndent = 2;
-    // File names need not be UTF-8.
-    const Json json = {{"meshes", std::move(meshes)}};
     ISOMATCH_RETURN_IF_ERROR(
-        Print(json.dump(kIndent, ' ', /*ensure_ascii=*/false,
-                        Json::error_handler_t::replace) +
-                  "\n",
-              terminal));
+        PrintJson({{"meshes", std::move(meshes)}}, terminal));
   }
   return worst;
 }

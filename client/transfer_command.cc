@@ -300,12 +300,7 @@ absl::Status Run(const Arguments& arguments, const Terminal& terminal) {
                {"precise", inputs.places.is_precise}};
   json.update(outcome->json);
   json["warnings"] = outcome->warnings;
-  constexpr int kIndent = 2;
-  // File names need not be UTF-8.
-  return Print(json.dump(kIndent, ' ', /*ensure_ascii=*/false,
-                         Json::error_handler_t::replace) +
-                   "\n",
-               terminal);
+  return PrintJson(json, terminal);
 }
 
 }  // namespace
