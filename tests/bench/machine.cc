@@ -35,6 +35,11 @@ double CpuSeconds() {
   return Seconds(usage.ru_utime) + Seconds(usage.ru_stime);
 }
 
+double MedianOf(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  return values[values.size() / 2];
+}
+
 double BestSeconds(const std::function<void()>& body) {
   constexpr int kTries = 3;
   double best = INFINITY;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <functional>
+#include <vector>
 
 namespace isomatch::bench {
 
@@ -10,6 +11,9 @@ double CpuSeconds();
 
 /// Wall seconds of the quickest of three runs.
 double BestSeconds(const std::function<void()>& body);
+
+/// The middle one of at least one value; of two the larger.
+double MedianOf(std::vector<double> values);
 
 /// What this machine can do now, all cores at once.
 struct MachineLimits {

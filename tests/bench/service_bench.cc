@@ -71,11 +71,6 @@ constexpr Part kParts[] = {
     {"store", &ServiceSeconds::store},      {"watch", &ServiceSeconds::watch},
     {"download", &ServiceSeconds::download}};
 
-double MedianOf(std::vector<double> values) {
-  std::sort(values.begin(), values.end());
-  return values[values.size() / 2];
-}
-
 double SumOf(const std::vector<double>& values) {
   double sum = 0;
   for (const double value : values) sum += value;

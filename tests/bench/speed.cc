@@ -20,7 +20,7 @@
 #include "tests/bench/kernels.h"
 #include "tests/bench/machine.h"
 #include "tests/bench/pair_set.h"
-#include "tests/support/process_memory.h"
+#include "tests/support/memory_growth.h"
 
 namespace isomatch::bench {
 namespace {
@@ -56,8 +56,6 @@ struct PairCost {
 class StageClock {
  public:
   explicit StageClock(RunCost* cost) : cost_(*cost) {
-    ResetPeakResidentBytes();
-    held_ = ResidentBytes();
     begin_wall_ = stage_wall_ = WallSeconds();
     begin_cpu_ = stage_cpu_ = CpuSeconds();
   }
@@ -81,7 +79,7 @@ class StageClock {
     const double cpu = CpuSeconds();
     if (running_) {
       // The peak so far: stages do not forget what those before them held.
-      const double peak = double(PeakResidentBytes() - held_);
+      const double peak = double(grown_.Bytes());
       cost_.stages[stage_] = {wall - stage_wall_, cpu - stage_cpu_, peak};
       cost_.peak_bytes = std::max(cost_.peak_bytes, peak);
     }
@@ -90,19 +88,14 @@ class StageClock {
   }
 
   RunCost& cost_;
-  std::int64_t held_ = 0;
+  const MemoryGrowth grown_;
   bool running_ = false;
   Stage stage_ = Stage::kPrepare;
   double begin_wall_, stage_wall_, begin_cpu_, stage_cpu_;
 };
 
-double MedianOf(std::vector<double> values) {
-  std::sort(values.begin(), values.end());
-  return values[values.size() / 2];
-}
-
 /// Medians figure by figure.
-RunCost MedianOf(const std::vector<RunCost>& runs) {
+RunCost MedianRun(const std::vector<RunCost>& runs) {
   const auto median = [&](const std::function<double(const RunCost&)>& of) {
     std::vector<double> values;
     for (const RunCost& run : runs) values.push_back(of(run));
@@ -149,7 +142,7 @@ absl::StatusOr<PairCost> MeasurePair(const MeshPair& pair, int runs,
     clock.Finish();
     found = std::move(result.y_from_x);
   }
-  cost.run = MedianOf(costs);
+  cost.run = MedianRun(costs);
   ISOMATCH_ASSIGN_OR_RETURN(const PreparedShape x,
                             Prepare(pair.mesh_x, options));
   ISOMATCH_ASSIGN_OR_RETURN(const PreparedShape y,

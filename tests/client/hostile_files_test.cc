@@ -16,7 +16,7 @@
 #include "tests/server/test_server.h"
 #include "tests/support/hostile_draco.h"
 #include "tests/support/matchers.h"
-#include "tests/support/process_memory.h"
+#include "tests/support/memory_growth.h"
 #include "tests/support/shapes.h"
 #include "tests/support/temporary_folder.h"
 
@@ -36,14 +36,13 @@ absl::Duration CpuTime() {
 /// Calls `refuse` and prints what that took.
 void Measure(const std::string& name, std::size_t bytes,
              const std::function<void()>& refuse) {
-  ResetPeakResidentBytes();
-  const std::int64_t before = ResidentBytes();
+  const MemoryGrowth growth;
   const absl::Duration cpu_before = CpuTime();
   const absl::Time begin = absl::Now();
   refuse();
   const absl::Duration took = absl::Now() - begin;
   const absl::Duration cpu = CpuTime() - cpu_before;
-  const std::int64_t grown = PeakResidentBytes() - before;
+  const std::int64_t grown = growth.Bytes();
   absl::PrintF("%-40s %8d B %6.1f ms, CPU %6.1f ms %6.1f MiB\n", name, bytes,
                absl::ToDoubleMilliseconds(took),
                absl::ToDoubleMilliseconds(cpu),

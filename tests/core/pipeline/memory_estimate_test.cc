@@ -7,7 +7,7 @@
 
 #include "core/pipeline/matcher.h"
 #include "tests/support/matchers.h"
-#include "tests/support/process_memory.h"
+#include "tests/support/memory_growth.h"
 #include "tests/support/shapes.h"
 
 namespace isomatch {
@@ -29,10 +29,9 @@ TEST_P(MemoryEstimateTest, IsAnUpperBoundAndNotAWildOne) {
   const TriangleMesh y = Moved(x, 2);
   MatchOptions options = MatchOptions::ForProfile(profile);
   if (profile == Profile::kPaper) options.max_seeds = 6;
-  ResetPeakResidentBytes();
-  const std::int64_t before = ResidentBytes();
+  const MemoryGrowth growth;
   ASSERT_THAT(Match(x, y, {}, options), IsOk());
-  const std::int64_t measured = PeakResidentBytes() - before;
+  const std::int64_t measured = growth.Bytes();
   const std::int64_t estimate =
       EstimateMemoryBytes(SizeOf(x), SizeOf(y), 0, options);
   RecordProperty("measured_bytes", std::to_string(measured));

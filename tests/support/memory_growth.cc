@@ -1,4 +1,4 @@
-#include "tests/support/process_memory.h"
+#include "tests/support/memory_growth.h"
 
 #include <malloc.h>
 
@@ -21,12 +21,15 @@ std::int64_t StatusBytes(const std::string& name) {
 
 }  // namespace
 
-std::int64_t ResidentBytes() { return StatusBytes("VmRSS"); }
-std::int64_t PeakResidentBytes() { return StatusBytes("VmHWM"); }
-
-void ResetPeakResidentBytes() {
+MemoryGrowth::MemoryGrowth() {
   malloc_trim(0);
+  // "5" resets the peak: see clear_refs in proc(5).
   std::ofstream("/proc/self/clear_refs") << "5";
+  before_ = StatusBytes("VmRSS");
+}
+
+std::int64_t MemoryGrowth::Bytes() const {
+  return StatusBytes("VmHWM") - before_;
 }
 
 }  // namespace isomatch
