@@ -26,7 +26,7 @@
 namespace isomatch {
 namespace {
 
-constexpr char kFooter[] = R"(
+constexpr char kBatchFooter[] = R"(
 LIST has lines `X Y [LANDMARKS]`, paths relative to LIST's folder, where the
 extension of a mesh may be left out; # starts a comment. With --template each
 MESH, or each mesh of a folder, is the Y of one template.
@@ -49,7 +49,7 @@ Examples:
   isomatch batch pairs.txt -o maps --server meshes.example.org:7443 --parallel 8
   isomatch batch data/pairs.txt -o maps --truth data)";
 
-struct Arguments {
+struct BatchArguments {
   std::vector<std::string> inputs;
   std::string template_mesh;
   std::string truth;
@@ -61,7 +61,8 @@ struct Arguments {
   bool no_progress = false;
 };
 
-absl::StatusOr<std::vector<BatchPair>> ReadPairs(const Arguments& arguments) {
+absl::StatusOr<std::vector<BatchPair>> ReadPairs(
+    const BatchArguments& arguments) {
   std::vector<BatchPair> pairs;
   if (!arguments.template_mesh.empty()) {
     ISOMATCH_ASSIGN_OR_RETURN(
@@ -105,7 +106,7 @@ int Cores() {
   return std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
 }
 
-absl::Status Finish(const Arguments& arguments, const BatchRunner& runner,
+absl::Status Finish(const BatchArguments& arguments, const BatchRunner& runner,
                     const std::vector<BatchRow>& rows,
                     const Terminal& terminal) {
   ISOMATCH_RETURN_IF_ERROR(
@@ -128,7 +129,8 @@ absl::Status Finish(const Arguments& arguments, const BatchRunner& runner,
                    first->x, " to ", first->y, ": ", first->message));
 }
 
-absl::Status Run(const Arguments& arguments, const Terminal& terminal) {
+absl::Status RunBatch(const BatchArguments& arguments,
+                      const Terminal& terminal) {
   ISOMATCH_ASSIGN_OR_RETURN(const std::vector<BatchPair> pairs,
                             ReadPairs(arguments));
   ISOMATCH_RETURN_IF_ERROR(MakeFolder(arguments.options.folder));
@@ -163,7 +165,7 @@ absl::Status Run(const Arguments& arguments, const Terminal& terminal) {
   return Finish(arguments, runner, rows, terminal);
 }
 
-void AddOptions(CLI::App* command, Arguments* arguments) {
+void AddOptions(CLI::App* command, BatchArguments* arguments) {
   command
       ->add_option("LIST", arguments->inputs,
                    "List of pairs; with --template meshes or folders of meshes")
@@ -200,13 +202,13 @@ void AddOptions(CLI::App* command, Arguments* arguments) {
 Command AddBatchCommand(CLI::App& app) {
   CLI::App* command = app.add_subcommand(
       "batch", "Matches many pairs; goes on where it was stopped.");
-  const auto arguments = std::make_shared<Arguments>();
+  const auto arguments = std::make_shared<BatchArguments>();
   AddOptions(command, arguments.get());
   AddConnectionFlags(command, &arguments->connection, ServerUse::kOptional);
   AddJobFlags(command, &arguments->options.job);
-  command->footer(kFooter);
+  command->footer(kBatchFooter);
   return {command, [arguments](const Terminal& terminal) {
-            return Run(*arguments, terminal);
+            return RunBatch(*arguments, terminal);
           }};
 }
 

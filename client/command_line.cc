@@ -13,7 +13,7 @@
 namespace isomatch {
 namespace {
 
-constexpr char kFooter[] = R"(
+constexpr char kProgramFooter[] = R"(
 Examples:
   isomatch match cat.off dog.off -o map.txt
   isomatch batch pairs.txt -o maps
@@ -64,7 +64,7 @@ int RunCommandLine(int argc, const char* const* argv,
   CLI::App app("Dense correspondences between near-isometric 3D meshes.",
                "isomatch");
   app.set_version_flag("--version", std::string("isomatch ") + kVersion);
-  app.footer(kFooter);
+  app.footer(kProgramFooter);
   app.require_subcommand(1);
   const std::vector<Command> commands = {
       AddMatchCommand(app),    AddBatchCommand(app),

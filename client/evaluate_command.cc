@@ -18,7 +18,7 @@
 namespace isomatch {
 namespace {
 
-constexpr char kFooter[] = R"(
+constexpr char kEvaluateFooter[] = R"(
 The error of a vertex is the geodesic distance on Y between the vertex that MAP
 names and the true one (Princeton protocol), as a fraction of Y's geodesic
 diameter and of the square root of its area.
@@ -32,7 +32,7 @@ Examples:
   isomatch evaluate Y.off map.txt truth.txt
   isomatch evaluate Y.off map.npy truth.txt --json)";
 
-struct Arguments {
+struct EvaluateArguments {
   std::string y;
   std::string map;
   std::string truth;
@@ -44,7 +44,7 @@ struct Errors {
   std::optional<GeodesicError> mirrored;
 };
 
-absl::StatusOr<Errors> Measure(const Arguments& arguments,
+absl::StatusOr<Errors> Measure(const EvaluateArguments& arguments,
                                const std::stop_token& stop) {
   ISOMATCH_ASSIGN_OR_RETURN(const LoadedMesh y, ReadMesh(arguments.y, "Y"));
   const VertexIndex vertices_y = y.mesh.num_vertices();
@@ -103,7 +103,8 @@ std::string FormatText(const std::string& name, const GeodesicError& error) {
   return text;
 }
 
-absl::Status Run(const Arguments& arguments, const Terminal& terminal) {
+absl::Status RunEvaluate(const EvaluateArguments& arguments,
+                         const Terminal& terminal) {
   ISOMATCH_ASSIGN_OR_RETURN(const Errors errors,
                             Measure(arguments, terminal.stop));
   if (arguments.json) return Print(FormatJson(errors), terminal);
@@ -117,7 +118,7 @@ absl::Status Run(const Arguments& arguments, const Terminal& terminal) {
 Command AddEvaluateCommand(CLI::App& app) {
   CLI::App* command = app.add_subcommand(
       "evaluate", "Measures the error of a map against a ground truth.");
-  const auto arguments = std::make_shared<Arguments>();
+  const auto arguments = std::make_shared<EvaluateArguments>();
   command->add_option("Y", arguments->y, "Mesh that the map leads to")
       ->required();
   command
@@ -126,9 +127,9 @@ Command AddEvaluateCommand(CLI::App& app) {
       ->required();
   command->add_option("GT", arguments->truth, "Ground truth")->required();
   command->add_flag("--json", arguments->json, "Print JSON instead of text");
-  command->footer(kFooter);
+  command->footer(kEvaluateFooter);
   return {command, [arguments](const Terminal& terminal) {
-            return Run(*arguments, terminal);
+            return RunEvaluate(*arguments, terminal);
           }};
 }
 

@@ -18,7 +18,7 @@
 namespace isomatch {
 namespace {
 
-constexpr char kFooter[] = R"(
+constexpr char kGetFooter[] = R"(
 Without files to write it prints what is known about the job. The files are those
 of `match`; --precise needs the file of Y for its faces.
 
@@ -27,7 +27,7 @@ Examples:
   isomatch get jobs/4f1a... --wait -o map.txt --report report.json
   isomatch get jobs/4f1a... --precise points.txt --mesh-y Y.ply)";
 
-struct Arguments {
+struct GetArguments {
   std::string job;
   ConnectionFlags connection;
   MatchOutputs outputs;
@@ -36,7 +36,7 @@ struct Arguments {
   bool json = false;
 };
 
-absl::StatusOr<v1::Job> FindJob(const Arguments& arguments,
+absl::StatusOr<v1::Job> FindJob(const GetArguments& arguments,
                                 IsomatchClient& client,
                                 const Terminal& terminal) {
   const std::string name = FullJobName(arguments.job);
@@ -47,7 +47,7 @@ absl::StatusOr<v1::Job> FindJob(const Arguments& arguments,
       name, [&](const v1::Job& job) { display.Show(job); }, terminal.stop);
 }
 
-absl::Status Run(const Arguments& arguments, const Terminal& terminal) {
+absl::Status RunGet(const GetArguments& arguments, const Terminal& terminal) {
   ISOMATCH_RETURN_IF_ERROR(CheckOutputs(arguments.outputs, {arguments.mesh_y}));
   if (NeedColors(arguments.outputs)) {
     return absl::InvalidArgumentError(
@@ -83,7 +83,7 @@ absl::Status Run(const Arguments& arguments, const Terminal& terminal) {
 Command AddGetCommand(CLI::App& app) {
   CLI::App* command =
       app.add_subcommand("get", "Tells about a job, and fetches its result.");
-  const auto arguments = std::make_shared<Arguments>();
+  const auto arguments = std::make_shared<GetArguments>();
   arguments->outputs.map.clear();
   command->add_option("JOB", arguments->job, "Name, as `submit` printed it")
       ->required();
@@ -94,9 +94,9 @@ Command AddGetCommand(CLI::App& app) {
   AddConnectionFlags(command, &arguments->connection, ServerUse::kNeeded);
   command->add_flag("--wait", arguments->wait, "Watch the job until it ends");
   command->add_flag("--json", arguments->json, "Print the job as JSON");
-  command->footer(kFooter);
+  command->footer(kGetFooter);
   return {command, [arguments](const Terminal& terminal) {
-            return Run(*arguments, terminal);
+            return RunGet(*arguments, terminal);
           }};
 }
 

@@ -22,7 +22,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr char kFooter[] = R"(
+constexpr char kInspectFooter[] = R"(
 Tells what a mesh file holds, what cleaning will do to it, what a match will
 cost and what may harm it. Components, rims and genus are those of the surface
 as it is matched: seams joined, damaged faces left out.
@@ -39,7 +39,7 @@ Examples:
   isomatch inspect scans/*.ply --json | jq '.meshes[] | .path, .warnings'
   isomatch inspect cat.off --server meshes.example.org:7443 --tls-ca ca.crt)";
 
-struct Arguments {
+struct InspectArguments {
   std::vector<std::string> meshes;
   ConnectionFlags connection;
   bool json = false;
@@ -74,7 +74,8 @@ absl::StatusOr<InspectionReport> Inspect(
   return report;
 }
 
-absl::Status Run(const Arguments& arguments, const Terminal& terminal) {
+absl::Status RunInspect(const InspectArguments& arguments,
+                        const Terminal& terminal) {
   ISOMATCH_ASSIGN_OR_RETURN(const v1::GetServerInfoResponse server,
                             AskServer(arguments.connection, terminal));
   absl::Status worst;
@@ -111,16 +112,16 @@ Command AddInspectCommand(CLI::App& app) {
   CLI::App* command = app.add_subcommand(
       "inspect",
       "Tells what is in mesh files and what a match will make of it.");
-  const auto arguments = std::make_shared<Arguments>();
+  const auto arguments = std::make_shared<InspectArguments>();
   command
       ->add_option("MESH", arguments->meshes,
                    "Meshes: .off, .obj, .ply or .stl")
       ->required();
   AddConnectionFlags(command, &arguments->connection, ServerUse::kOptional);
   command->add_flag("--json", arguments->json, "Print JSON instead of text");
-  command->footer(kFooter);
+  command->footer(kInspectFooter);
   return {command, [arguments](const Terminal& terminal) {
-            return Run(*arguments, terminal);
+            return RunInspect(*arguments, terminal);
           }};
 }
 

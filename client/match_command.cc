@@ -20,7 +20,7 @@
 namespace isomatch {
 namespace {
 
-constexpr char kFooter[] = R"(
+constexpr char kMatchFooter[] = R"(
 MAP has one line for each vertex of X, in the order of X's file: the 0-based
 vertex of Y that it corresponds to, or -1 for a vertex on no face. Its extension
 tells the format: .npy is the same as a NumPy array of int64, .json as JSON,
@@ -52,7 +52,7 @@ Further files, one line for each vertex of X:
 --functional-map has the eigenvalues of both meshes and, by rows, the matrix
 that carries eigenfunctions of Y (columns) to X (rows).)";
 
-struct Arguments {
+struct MatchArguments {
   std::string x;
   std::string y;
   std::string landmarks;
@@ -64,7 +64,7 @@ struct Arguments {
 
 absl::StatusOr<MatchResult> RunMatch(
     const std::shared_ptr<grpc::Channel>& channel, const MatchRequest& request,
-    const Arguments& arguments, const Terminal& terminal) {
+    const MatchArguments& arguments, const Terminal& terminal) {
   ProgressDisplay display(
       terminal.err,
       ProgressStyleFor(terminal.is_interactive, arguments.no_progress));
@@ -74,7 +74,7 @@ absl::StatusOr<MatchResult> RunMatch(
 
 absl::StatusOr<MatchResult> RunRemote(const MatchRequest& request,
                                       const RemoteServer& server,
-                                      const Arguments& arguments,
+                                      const MatchArguments& arguments,
                                       const Terminal& terminal) {
   absl::StatusOr<MatchResult> result =
       RunMatch(server.channel(), request, arguments, terminal);
@@ -83,7 +83,7 @@ absl::StatusOr<MatchResult> RunRemote(const MatchRequest& request,
 }
 
 absl::StatusOr<MatchResult> RunEmbedded(const MatchRequest& request,
-                                        const Arguments& arguments,
+                                        const MatchArguments& arguments,
                                         const Terminal& terminal) {
   ISOMATCH_ASSIGN_OR_RETURN(const std::unique_ptr<Server> server,
                             StartEmbeddedServer(
@@ -91,7 +91,8 @@ absl::StatusOr<MatchResult> RunEmbedded(const MatchRequest& request,
   return RunMatch(server->InProcessChannel(), request, arguments, terminal);
 }
 
-absl::Status Run(const Arguments& arguments, const Terminal& terminal) {
+absl::Status RunMatch(const MatchArguments& arguments,
+                      const Terminal& terminal) {
   ISOMATCH_RETURN_IF_ERROR(CheckOutputs(
       arguments.outputs, {arguments.x, arguments.y, arguments.landmarks}));
   std::optional<RemoteServer> server;
@@ -131,16 +132,16 @@ absl::Status Run(const Arguments& arguments, const Terminal& terminal) {
 Command AddMatchCommand(CLI::App& app) {
   CLI::App* command = app.add_subcommand(
       "match", "Finds for every vertex of mesh X its place on mesh Y.");
-  const auto arguments = std::make_shared<Arguments>();
+  const auto arguments = std::make_shared<MatchArguments>();
   AddPairOptions(command, &arguments->x, &arguments->y, &arguments->landmarks);
   AddMatchOutputs(command, &arguments->outputs);
   AddConnectionFlags(command, &arguments->connection, ServerUse::kOptional);
   AddJobFlags(command, &arguments->job);
   command->add_flag("--no-progress", arguments->no_progress,
                     "Say nothing on standard error but warnings and errors");
-  command->footer(kFooter);
+  command->footer(kMatchFooter);
   return {command, [arguments](const Terminal& terminal) {
-            return Run(*arguments, terminal);
+            return RunMatch(*arguments, terminal);
           }};
 }
 

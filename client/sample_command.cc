@@ -26,7 +26,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr char kFooter[] = R"(
+constexpr char kSampleFooter[] = R"(
 Makes one animal in three near-isometric poses: A standing, B walking, C looking
 back. Each pose and each --mesh-seed has a triangulation and a vertex order of
 its own. The same options give the same file, so a ground truth needs only to
@@ -48,7 +48,7 @@ a pattern, warm on the left side and cold on the right: in b.obj, b.mtl and
 b.png, or as colours of the vertices of b.ply.
 --truth-from is POSE:VERTICES, or POSE:VERTICES:MESH_SEED when that is not 1.)";
 
-struct Arguments {
+struct SampleArguments {
   std::string pose = "A";
   int vertices = 5000;
   std::uint64_t mesh_seed = 1;
@@ -83,7 +83,7 @@ absl::StatusOr<SampleOptions> ParseTruthFrom(const std::string& text) {
   return options;
 }
 
-absl::StatusOr<SampleOptions> ParseOptions(const Arguments& arguments) {
+absl::StatusOr<SampleOptions> ParseOptions(const SampleArguments& arguments) {
   SampleOptions options;
   ISOMATCH_ASSIGN_OR_RETURN(options.pose, ParsePose("--pose", arguments.pose));
   options.vertices = arguments.vertices;
@@ -102,7 +102,7 @@ absl::Status CheckTextureOutput(const std::string& path) {
   return CheckOutputFile(path);
 }
 
-absl::Status CheckOutputs(const Arguments& arguments) {
+absl::Status CheckOutputs(const SampleArguments& arguments) {
   if (arguments.truth.empty() != arguments.truth_from.empty()) {
     return absl::InvalidArgumentError(
         "--truth FILE and --truth-from POSE:VERTICES belong together, found "
@@ -132,7 +132,8 @@ absl::Status WriteTexturedObj(const std::string& path, const Sample& sample,
                              FormatObj(path, sample.mesh, {&texture, nullptr}));
 }
 
-absl::Status WriteSample(const Arguments& arguments, const Sample& sample) {
+absl::Status WriteSample(const SampleArguments& arguments,
+                         const Sample& sample) {
   const std::string& path = arguments.output;
   if (arguments.texture.empty()) return WriteMesh(path, sample.mesh);
   const SamplePattern pattern = arguments.texture == "stripes"
@@ -146,7 +147,7 @@ absl::Status WriteSample(const Arguments& arguments, const Sample& sample) {
                              FormatPly(sample.mesh, ColorColumns(colors)));
 }
 
-absl::Status Run(const Arguments& arguments) {
+absl::Status RunSample(const SampleArguments& arguments) {
   ISOMATCH_RETURN_IF_ERROR(CheckOutputs(arguments));
   ISOMATCH_ASSIGN_OR_RETURN(const SampleOptions options,
                             ParseOptions(arguments));
@@ -168,7 +169,7 @@ absl::Status Run(const Arguments& arguments) {
 Command AddSampleCommand(CLI::App& app) {
   CLI::App* command = app.add_subcommand(
       "sample", "Writes a procedural animal, and the truth about a pair.");
-  const auto arguments = std::make_shared<Arguments>();
+  const auto arguments = std::make_shared<SampleArguments>();
   command->add_option("--pose", arguments->pose, "A, B or C")
       ->capture_default_str();
   command
@@ -191,8 +192,9 @@ Command AddSampleCommand(CLI::App& app) {
                       "POSE:VERTICES[:MESH_SEED] of the mesh the truth is for");
   command->add_option("--truth", arguments->truth,
                       "Ground truth to write, from that mesh to this one");
-  command->footer(kFooter);
-  return {command, [arguments](const Terminal&) { return Run(*arguments); }};
+  command->footer(kSampleFooter);
+  return {command,
+          [arguments](const Terminal&) { return RunSample(*arguments); }};
 }
 
 }  // namespace isomatch

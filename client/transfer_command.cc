@@ -32,7 +32,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr char kFooter[] = R"(
+constexpr char kTransferFooter[] = R"(
 MAP is a map from X to Y as `match` writes it (.txt, .npy, .json), or a file of
 `match --precise`, with which colours and texture coordinates are interpolated
 between the vertices of Y.
@@ -61,7 +61,7 @@ Examples:
 // was not really found.
 constexpr double kFarLandmark = 0.05;
 
-struct Arguments {
+struct TransferArguments {
   std::string x;
   std::string y;
   std::string map;
@@ -89,7 +89,7 @@ struct Outcome {
   std::vector<std::string> warnings;
 };
 
-absl::Status CheckArguments(const Arguments& arguments) {
+absl::Status CheckArguments(const TransferArguments& arguments) {
   if (!arguments.labels.empty() && !arguments.landmarks.empty()) {
     return absl::InvalidArgumentError(
         "--labels and --landmarks are given both, expected one of them: each "
@@ -115,7 +115,7 @@ absl::Status CheckArguments(const Arguments& arguments) {
                         arguments.labels, arguments.landmarks});
 }
 
-absl::StatusOr<Inputs> ReadInputs(const Arguments& arguments,
+absl::StatusOr<Inputs> ReadInputs(const TransferArguments& arguments,
                                   const Terminal& terminal) {
   Inputs inputs;
   std::vector<std::string> warnings;
@@ -161,7 +161,8 @@ void CountTexture(const CarriedTexture& carried, Outcome* outcome) {
   }
 }
 
-absl::Status NothingToCarry(const Arguments& arguments, bool has_texture) {
+absl::Status NothingToCarry(const TransferArguments& arguments,
+                            bool has_texture) {
   if (has_texture) {
     return absl::InvalidArgumentError(absl::StrCat(
         "--output '", arguments.output, "': Y has texture coordinates only, '",
@@ -173,7 +174,7 @@ absl::Status NothingToCarry(const Arguments& arguments, bool has_texture) {
       "(.ply, .obj, .off), expected some, or --labels or --landmarks"));
 }
 
-absl::StatusOr<Outcome> CarryLooks(const Arguments& arguments,
+absl::StatusOr<Outcome> CarryLooks(const TransferArguments& arguments,
                                    const Inputs& inputs,
                                    const Terminal& terminal) {
   ISOMATCH_ASSIGN_OR_RETURN(
@@ -211,7 +212,7 @@ absl::StatusOr<Outcome> CarryLooks(const Arguments& arguments,
   return outcome;
 }
 
-absl::StatusOr<Outcome> CarryLabelFile(const Arguments& arguments,
+absl::StatusOr<Outcome> CarryLabelFile(const TransferArguments& arguments,
                                        const Inputs& inputs) {
   ISOMATCH_ASSIGN_OR_RETURN(
       const std::vector<std::int64_t> labels,
@@ -254,7 +255,7 @@ void TellLandmarks(absl::Span<const NamedVertex> landmarks,
   outcome->json["landmarks"] = std::move(all);
 }
 
-absl::StatusOr<Outcome> CarryLandmarkFile(const Arguments& arguments,
+absl::StatusOr<Outcome> CarryLandmarkFile(const TransferArguments& arguments,
                                           const Inputs& inputs,
                                           const Terminal& terminal) {
   ISOMATCH_ASSIGN_OR_RETURN(
@@ -280,7 +281,8 @@ absl::StatusOr<Outcome> CarryLandmarkFile(const Arguments& arguments,
   return outcome;
 }
 
-absl::Status Run(const Arguments& arguments, const Terminal& terminal) {
+absl::Status RunTransfer(const TransferArguments& arguments,
+                         const Terminal& terminal) {
   ISOMATCH_RETURN_IF_ERROR(CheckArguments(arguments));
   ISOMATCH_ASSIGN_OR_RETURN(const Inputs inputs,
                             ReadInputs(arguments, terminal));
@@ -309,7 +311,7 @@ Command AddTransferCommand(CLI::App& app) {
   CLI::App* command = app.add_subcommand(
       "transfer",
       "Carries texture, colours, labels or landmarks from Y to X along a map.");
-  const auto arguments = std::make_shared<Arguments>();
+  const auto arguments = std::make_shared<TransferArguments>();
   command->add_option("X", arguments->x, "Mesh to carry to")->required();
   command->add_option("Y", arguments->y, "Mesh to carry from")->required();
   command
@@ -332,9 +334,9 @@ Command AddTransferCommand(CLI::App& app) {
       ->needs(labels);
   command->add_flag("--json", arguments->json,
                     "Print JSON about what was carried instead of text");
-  command->footer(kFooter);
+  command->footer(kTransferFooter);
   return {command, [arguments](const Terminal& terminal) {
-            return Run(*arguments, terminal);
+            return RunTransfer(*arguments, terminal);
           }};
 }
 

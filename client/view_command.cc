@@ -30,7 +30,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr char kFooter[] = R"(
+constexpr char kViewFooter[] = R"(
 The page is one HTML file that asks nothing of the network: both shapes in 3D
 with linked cameras. Y is coloured by place, and each vertex of X has the colour
 of its image, so that a good map looks the same on both sides and a mirrored or
@@ -50,7 +50,7 @@ Examples:
 
 constexpr char kColours[] = "colours";
 
-struct Arguments {
+struct ViewArguments {
   std::string x;
   std::string y;
   std::string map;
@@ -66,7 +66,7 @@ struct Arguments {
   std::string title;
 };
 
-absl::Status CheckOutputs(const Arguments& arguments) {
+absl::Status CheckOutputs(const ViewArguments& arguments) {
   if (arguments.page.empty() && arguments.picture.empty()) {
     return absl::InvalidArgumentError(
         "nothing to write, expected --output PAGE.html or --png PICTURE.png");
@@ -84,7 +84,7 @@ absl::Status CheckOutputs(const Arguments& arguments) {
                    "': is the file of --output too, expected another"));
 }
 
-absl::Status CheckLayer(const Arguments& arguments) {
+absl::Status CheckLayer(const ViewArguments& arguments) {
   if (arguments.layer == "confidence" && arguments.confidence.empty()) {
     return absl::InvalidArgumentError(
         "--layer confidence: needs --confidence FILE");
@@ -95,7 +95,8 @@ absl::Status CheckLayer(const Arguments& arguments) {
   return absl::OkStatus();
 }
 
-absl::StatusOr<PictureOptions> ParsePictureOptions(const Arguments& arguments) {
+absl::StatusOr<PictureOptions> ParsePictureOptions(
+    const ViewArguments& arguments) {
   PictureOptions options = {.layer = arguments.layer};
   const std::vector<std::string> sides = absl::StrSplit(arguments.size, 'x');
   const auto fits = [](int side) {
@@ -136,7 +137,7 @@ absl::StatusOr<NamedMesh> LoadMesh(const std::string& path,
   return NamedMesh{fs::path(path).filename().string(), std::move(loaded.mesh)};
 }
 
-absl::Status AddError(const Arguments& arguments, const Terminal& terminal,
+absl::Status AddError(const ViewArguments& arguments, const Terminal& terminal,
                       const MappedPair& pair, PairView& view) {
   ISOMATCH_ASSIGN_OR_RETURN(
       const GroundTruth truth,
@@ -172,7 +173,7 @@ absl::Status AddReport(const std::string& path, PairView& view) {
 }
 
 /// Reads and measures all that is shown.
-absl::StatusOr<PairView> Load(const Arguments& arguments,
+absl::StatusOr<PairView> Load(const ViewArguments& arguments,
                               const Terminal& terminal) {
   PairView view;
   std::vector<std::string> warnings;
@@ -209,7 +210,7 @@ absl::StatusOr<PairView> Load(const Arguments& arguments,
 }
 
 /// A picture has no numbers: they are told here.
-absl::Status TellScale(const PairView& view, const Arguments& arguments,
+absl::Status TellScale(const PairView& view, const ViewArguments& arguments,
                        const Terminal& terminal) {
   const ScalarLayer* layer = FindLayer(view, arguments.layer);
   if (layer == nullptr) return absl::OkStatus();
@@ -219,7 +220,7 @@ absl::Status TellScale(const PairView& view, const Arguments& arguments,
       terminal);
 }
 
-absl::Status Run(const Arguments& arguments, const Terminal& terminal) {
+absl::Status RunView(const ViewArguments& arguments, const Terminal& terminal) {
   ISOMATCH_RETURN_IF_ERROR(CheckOutputs(arguments));
   ISOMATCH_RETURN_IF_ERROR(CheckLayer(arguments));
   ISOMATCH_ASSIGN_OR_RETURN(const PictureOptions options,
@@ -238,7 +239,7 @@ absl::Status Run(const Arguments& arguments, const Terminal& terminal) {
   return TellScale(view, arguments, terminal);
 }
 
-void AddAppearance(CLI::App& command, Arguments& arguments) {
+void AddAppearance(CLI::App& command, ViewArguments& arguments) {
   command
       .add_option("--layer", arguments.layer,
                   "What colours mean, in a page at first")
@@ -265,7 +266,7 @@ void AddAppearance(CLI::App& command, Arguments& arguments) {
 Command AddViewCommand(CLI::App& app) {
   CLI::App* command = app.add_subcommand(
       "view", "Shows a map: as a page with both shapes in 3D, or a picture.");
-  const auto arguments = std::make_shared<Arguments>();
+  const auto arguments = std::make_shared<ViewArguments>();
   command->add_option("X", arguments->x, "Mesh that the map is of")->required();
   command->add_option("Y", arguments->y, "Mesh that the map leads to")
       ->required();
@@ -282,9 +283,9 @@ Command AddViewCommand(CLI::App& app) {
   command->add_option("--report", arguments->report,
                       "Report as `match --report` writes it");
   AddAppearance(*command, *arguments);
-  command->footer(kFooter);
+  command->footer(kViewFooter);
   return {command, [arguments](const Terminal& terminal) {
-            return Run(*arguments, terminal);
+            return RunView(*arguments, terminal);
           }};
 }
 

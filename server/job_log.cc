@@ -11,9 +11,9 @@ namespace {
 
 void AddError(const JobError& error, std::string& message, LogFields& fields) {
   absl::StrAppend(&message, ": ", error.reason, ": ", error.message);
-  fields.push_back({"reason", error.reason});
-  fields.push_back({"code", absl::StatusCodeToString(error.code)});
-  fields.push_back({"error", error.message});
+  fields.insert(fields.end(), {{"reason", error.reason},
+                               {"code", absl::StatusCodeToString(error.code)},
+                               {"error", error.message}});
 }
 
 void AddResult(const JobRecord& job, std::string& message, LogFields& fields) {
@@ -22,9 +22,10 @@ void AddResult(const JobRecord& job, std::string& message, LogFields& fields) {
                         ", ran %.1f s, estimate %d MiB, process peak %d MiB",
                         result.run_seconds, job.memory_estimate_bytes >> 20,
                         result.peak_resident_bytes >> 20);
-  fields.push_back({"run_seconds", result.run_seconds});
-  fields.push_back({"memory_estimate_bytes", job.memory_estimate_bytes});
-  fields.push_back({"memory_measured_bytes", result.peak_resident_bytes});
+  fields.insert(fields.end(),
+                {{"run_seconds", result.run_seconds},
+                 {"memory_estimate_bytes", job.memory_estimate_bytes},
+                 {"memory_measured_bytes", result.peak_resident_bytes}});
 }
 
 }  // namespace

@@ -13,7 +13,7 @@ namespace {
 
 constexpr int kAnchors = 24;
 constexpr double kReachInEdges = 2;
-constexpr double kLargestRatio = 1000;
+constexpr double kLargestAreaRatio = 1000;
 
 using Fields = std::vector<std::vector<float>>;
 
@@ -115,7 +115,7 @@ double AreaDistortion(const TriangleMesh& mesh_x, const Positions& images) {
     const double area = FaceArea(mesh_x, f);
     if (!(area > 0)) continue;
     const double ratio = std::clamp(FaceArea(mapped, f) / area,
-                                    1 / kLargestRatio, kLargestRatio);
+                                    1 / kLargestAreaRatio, kLargestAreaRatio);
     sum += area * std::abs(std::log(ratio));
     total += area;
   }

@@ -14,7 +14,7 @@ namespace {
 /// Basis points whose environments make up E(x).
 constexpr int kEnvironmentSize = 3;
 /// Gains below this are rounding of single-precision sums.
-constexpr double kRounding = 1e-6;
+constexpr double kLeastGain = 1e-6;
 
 /// The matched vertices around one of X or more, and their images.
 struct Neighborhood {
@@ -95,7 +95,7 @@ void SwapWithBest(const HashedShape& shape_x, const HashedShape& shape_y,
   const std::vector<VertexIndex> near_x =
       MergedEnvironment(shape_x, x, kEnvironmentSize);
   VertexIndex best = kNoVertex;
-  double most = kRounding;
+  double most = kLeastGain;
   for (const VertexIndex y :
        MergedEnvironment(shape_y, map->y_from_x[x], kEnvironmentSize)) {
     const VertexIndex other = map->x_from_y[y];

@@ -62,9 +62,9 @@ double OnSegment(double along, double squared) {
 
 /// (s, t) of the nearest point of the triangle.
 Eigen::Vector2d NearestInTriangle(const TriangleProducts& p) {
-  constexpr double kFlat = 1e-12;
+  constexpr double kLeastDeterminant = 1e-12;
   const double determinant = p.uu * p.vv - p.uv * p.uv;
-  if (determinant > kFlat * p.uu * p.vv) {
+  if (determinant > kLeastDeterminant * p.uu * p.vv) {
     const double s = (p.uw * p.vv - p.vw * p.uv) / determinant;
     const double t = (p.vw * p.uu - p.uw * p.uv) / determinant;
     if (s >= 0 && t >= 0 && s + t <= 1) return {s, t};

@@ -195,7 +195,7 @@ class PrometheusMetrics::Impl {
       AddHistogram("grpc_server_handling_seconds", "From a call to its answer");
 
   // All three only while it listens.
-  std::shared_ptr<LoadCollector> load;
+  std::shared_ptr<prometheus::Collectable> load;
   std::string address;
   std::unique_ptr<prometheus::Exposer> exposer;
 };

@@ -31,12 +31,6 @@ Places AtVertices(const VertexMap& map) {
   return places;
 }
 
-VertexMap Identity(const TriangleMesh& mesh) {
-  VertexMap map(static_cast<std::size_t>(mesh.num_vertices()));
-  std::iota(map.begin(), map.end(), 0);
-  return map;
-}
-
 /// By the distance in space.
 VertexMap NearestMap(const TriangleMesh& x, const TriangleMesh& y) {
   VertexMap map;
@@ -134,7 +128,8 @@ void ExpectSame(const CarriedTexture& carried, const MeshTexture& texture,
 TEST(TextureCarrierTest, TheIdentityCarriesEverythingUnchanged) {
   const TriangleMesh sphere = UnitSphere(3);
   const MeshTexture texture = TwoCharts(sphere);
-  ExpectSame(Carry(sphere, sphere, texture, AtVertices(Identity(sphere))),
+  ExpectSame(Carry(sphere, sphere, texture,
+                   AtVertices(IdentityMap(sphere.num_vertices()))),
              texture);
   // Their weights are rounded.
   ExpectSame(Carry(sphere, sphere, texture, NearestPlaces(sphere, sphere)),
@@ -307,7 +302,8 @@ TEST(TextureCarrierTest, MaterialsAreSeams) {
     for (int i = 0; i < 3; ++i) x += plane.positions(plane.faces(f, i), 0) / 3;
     texture.material_of_face.push_back(x < 0.5 ? 0 : 1);
   }
-  ExpectSame(Carry(plane, plane, texture, AtVertices(Identity(plane))),
+  ExpectSame(Carry(plane, plane, texture,
+                   AtVertices(IdentityMap(plane.num_vertices()))),
              texture);
   // Faces of X across the middle keep to one side of it.
   const TriangleMesh x = PlaneGrid(5, 5, 1, 1);
@@ -328,7 +324,7 @@ TEST(TextureCarrierTest, MaterialsAreSeams) {
 TEST(TextureCarrierTest, FacesThatLieNowhereAreCounted) {
   const TriangleMesh sphere = UnitSphere(1);
   MeshTexture texture = TwoCharts(sphere);
-  VertexMap map = Identity(sphere);
+  VertexMap map = IdentityMap(sphere.num_vertices());
   map[0] = kNoVertex;
   const auto at_vertex = static_cast<int>((sphere.faces.array() == 0).count());
   const CarriedTexture carried =
@@ -337,7 +333,8 @@ TEST(TextureCarrierTest, FacesThatLieNowhereAreCounted) {
   EXPECT_EQ((carried.texture.corners.col(0).array() < 0).count(), at_vertex);
   // Nor do faces of Y without a texture give any.
   texture.corners.setConstant(-1);
-  EXPECT_EQ(Carry(sphere, sphere, texture, AtVertices(Identity(sphere)))
+  EXPECT_EQ(Carry(sphere, sphere, texture,
+                  AtVertices(IdentityMap(sphere.num_vertices())))
                 .faces_without,
             sphere.num_faces());
 }
@@ -369,7 +366,8 @@ TEST(TextureCarrierTest, CanBeStopped) {
   std::stop_source stop;
   stop.request_stop();
   EXPECT_EQ(CarryTexture(sphere, sphere, TwoCharts(sphere),
-                         AtVertices(Identity(sphere)), stop.get_token())
+                         AtVertices(IdentityMap(sphere.num_vertices())),
+                         stop.get_token())
                 .status()
                 .code(),
             absl::StatusCode::kCancelled);

@@ -8,6 +8,8 @@
 
 namespace isomatch {
 
+inline constexpr double kMebibyte = 1 << 20;
+
 // The same tests run in two lengths: quick, with every build, and soak, with
 // ISOMATCH_SOAK=1 in the environment, which scripts/test --soak sets.
 

@@ -20,8 +20,6 @@
 namespace isomatch {
 namespace {
 
-constexpr double kMebibyte = 1 << 20;
-
 /// Reads one watch in gRPC's threads. It has to be done before it is destroyed.
 class Watcher : public grpc::ClientReadReactor<v1::WatchJobResponse> {
  public:

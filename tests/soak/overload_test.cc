@@ -170,7 +170,6 @@ TEST(OverloadTest, ACancelledJobGivesItsWorkerAndMemoryBack) {
   PrintFigure("cancel: slowest", stops.Milliseconds(1), "ms");
   ExpectAtMost("cancel: until worker and memory are free, p99",
                stops.Milliseconds(0.99), 250, "ms");
-  constexpr double kMebibyte = 1 << 20;
   PrintFigure(
       "cancel: resident memory, second half of the cancels",
       static_cast<double>(server.ResidentBytes() - warm_bytes) / kMebibyte,

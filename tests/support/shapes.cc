@@ -182,13 +182,25 @@ TriangleMesh Relabelled(const TriangleMesh& mesh,
 }
 
 std::vector<VertexIndex> RandomPermutation(VertexIndex n, std::uint64_t seed) {
-  std::vector<VertexIndex> permutation(n);
-  std::iota(permutation.begin(), permutation.end(), 0);
+  std::vector<VertexIndex> permutation = IdentityMap(n);
   RandomStream random(seed, /*index=*/0);
   for (VertexIndex i = n - 1; i > 0; --i) {
     std::swap(permutation[i], permutation[random.Below(i + 1)]);
   }
   return permutation;
+}
+
+std::vector<VertexIndex> IdentityMap(VertexIndex n) {
+  std::vector<VertexIndex> map(n);
+  std::iota(map.begin(), map.end(), 0);
+  return map;
+}
+
+double FractionRight(const std::vector<VertexIndex>& found,
+                     const std::vector<VertexIndex>& truth) {
+  int right = 0;
+  for (std::size_t v = 0; v < truth.size(); ++v) right += found[v] == truth[v];
+  return double(right) / double(truth.size());
 }
 
 TriangleMesh Moved(const TriangleMesh& mesh, double scale) {

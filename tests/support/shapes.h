@@ -31,6 +31,9 @@ TriangleMesh BumpySphere(int levels);
 /// and of uneven lengths; its extremities make seeds easy.
 TriangleMesh FiveArms(int levels);
 
+/// Direction of the fourth of the five arms.
+inline const Eigen::RowVector3d kFourthArm(-0.6, -0.9, 0.2);
+
 /// A closed blob with bumps that is its own mirror image in the plane z = 0,
 /// and in no other way like itself.
 TriangleMesh MirrorSymmetricBody(int levels);
@@ -41,6 +44,13 @@ TriangleMesh Relabelled(const TriangleMesh& mesh,
 
 /// A permutation of 0..n-1.
 std::vector<VertexIndex> RandomPermutation(VertexIndex n, std::uint64_t seed);
+
+/// Each of 0..n-1 to itself.
+std::vector<VertexIndex> IdentityMap(VertexIndex n);
+
+/// How many entries of `found` are those of `truth`, as a fraction.
+double FractionRight(const std::vector<VertexIndex>& found,
+                     const std::vector<VertexIndex>& truth);
 
 /// `mesh` scaled, rotated and shifted.
 TriangleMesh Moved(const TriangleMesh& mesh, double scale);

@@ -16,7 +16,7 @@ namespace {
 using testing::ElementsAre;
 using testing::IsNan;
 
-constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
+constexpr float kNoValue = std::numeric_limits<float>::quiet_NaN();
 
 TEST(PairViewTest, NormalisedShapesHaveAreaOneAroundTheOrigin) {
   const TriangleMesh mesh = Moved(FiveArms(3), 1e6);
@@ -69,7 +69,7 @@ TEST(ViewRotationTest, TheUserDecidesWhatIsUp) {
 TEST(CarryToYTest, TakesMeansAndFillsFromTheNearest) {
   // A strip of 5 x 2 vertices, 0 to 4 in the first row.
   const TriangleMesh y = PlaneGrid(4, 1, 4, 1);
-  const std::vector<float> on_x = {1, 3, 8, kNone, 5};
+  const std::vector<float> on_x = {1, 3, 8, kNoValue, 5};
   const VertexMap y_from_x = {0, 0, 4, 4, kNoVertex};
   const std::vector<float> on_y = CarryToY(on_x, y_from_x, y);
   EXPECT_EQ(on_y[0], 2);
@@ -96,7 +96,7 @@ TEST(PairViewTest, LayersAreColouredByTheirScale) {
   for (int i = 0; i < 256; ++i) {
     layer.palette[i] = {static_cast<std::uint8_t>(i), 0, 0};
   }
-  EXPECT_THAT(LayerColours(layer, {2, 3, 4, 9, -9, kNone}),
+  EXPECT_THAT(LayerColours(layer, {2, 3, 4, 9, -9, kNoValue}),
               ElementsAre(Rgb{0, 0, 0}, Rgb{128, 0, 0}, Rgb{255, 0, 0},
                           Rgb{255, 0, 0}, Rgb{0, 0, 0}, kGrey));
 }

@@ -52,10 +52,10 @@ double UsualDifference(const Described& a) {
   return sum / static_cast<double>(n);
 }
 
-constexpr double kRadius = 0.8;
+constexpr double kShotRadius = 0.8;
 
 TEST(ShotDescriptorTest, HasLengthOne) {
-  const Described arms(FiveArms(3), kRadius);
+  const Described arms(FiveArms(3), kShotRadius);
   ASSERT_EQ(arms.columns.rows(), kShotSize);
   for (Eigen::Index v = 0; v < arms.columns.cols(); ++v) {
     EXPECT_NEAR(arms.columns.col(v).norm(), 1, 1e-5);
@@ -64,8 +64,8 @@ TEST(ShotDescriptorTest, HasLengthOne) {
 }
 
 TEST(ShotDescriptorTest, MovingAndScalingTheShapeChangesNothing) {
-  const Described arms(FiveArms(4), kRadius);
-  const Described moved(Moved(FiveArms(4), 7), 7 * kRadius);
+  const Described arms(FiveArms(4), kShotRadius);
+  const Described moved(Moved(FiveArms(4), 7), 7 * kShotRadius);
   // Where the surface is alike in all directions, rounding chooses the frame.
   const Eigen::ArrayXf differences =
       (arms.columns - moved.columns).colwise().squaredNorm().transpose();
@@ -76,19 +76,19 @@ TEST(ShotDescriptorTest, TheDensityOfTheMeshHardlyShows) {
   const DirtyMesh arms = Untouched(FiveArms(4));
   const DirtyMesh uneven = Refined(arms, Beyond({1, 0, 0}, 0));
   ASSERT_GT(uneven.mesh.num_vertices(), 1.3 * arms.mesh.num_vertices());
-  const Described even_columns(arms.mesh, kRadius);
-  const Described uneven_columns(uneven.mesh, kRadius);
+  const Described even_columns(arms.mesh, kShotRadius);
+  const Described uneven_columns(uneven.mesh, kShotRadius);
   EXPECT_LT(
       MeanDifference(even_columns, uneven_columns, arms.mesh.num_vertices()),
       0.2 * UsualDifference(even_columns));
 }
 
 TEST(ShotDescriptorTest, AMirrorImageLooksDifferent) {
-  const Described arms(FiveArms(3), kRadius);
+  const Described arms(FiveArms(3), kShotRadius);
   TriangleMesh reflected = FiveArms(3);
   reflected.positions.col(0) *= -1;
   reflected.faces.col(1).swap(reflected.faces.col(2));
-  const Described mirrored(reflected, kRadius);
+  const Described mirrored(reflected, kShotRadius);
   EXPECT_GT(MeanDifference(arms, mirrored, arms.columns.cols()), 0.05);
 }
 
@@ -104,8 +104,8 @@ TEST(ShotDescriptorTest, StopsWhenAsked) {
   const VertexStars stars(mesh);
   std::stop_source source;
   source.request_stop();
-  EXPECT_THAT(ShotDescriptors({mesh, normals, areas, stars}, {0, 1}, kRadius,
-                              source.get_token())
+  EXPECT_THAT(ShotDescriptors({mesh, normals, areas, stars}, {0, 1},
+                              kShotRadius, source.get_token())
                   .status(),
               StatusIs(absl::StatusCode::kCancelled, testing::_));
 }

@@ -2,7 +2,6 @@
 
 #include <cmath>
 #include <numbers>
-#include <numeric>
 
 #include <gtest/gtest.h>
 
@@ -16,12 +15,6 @@ using testing::HasSubstr;
 
 constexpr auto kInvalid = absl::StatusCode::kInvalidArgument;
 
-VertexMap Identity(VertexIndex n) {
-  VertexMap identity(n);
-  std::iota(identity.begin(), identity.end(), 0);
-  return identity;
-}
-
 TEST(GeodesicErrorTest, DiameterAndAreaOfTheSphere) {
   const GeodesicErrorMeter meter(UnitSphere(4));
   EXPECT_NEAR(meter.diameter(), std::numbers::pi, 0.05);
@@ -30,7 +23,7 @@ TEST(GeodesicErrorTest, DiameterAndAreaOfTheSphere) {
 
 TEST(GeodesicErrorTest, TheTruthItselfHasNone) {
   const GeodesicErrorMeter meter(FiveArms(3));
-  const VertexMap truth = Identity(642);
+  const VertexMap truth = IdentityMap(642);
   const auto error = meter.Measure(truth, truth);
   ASSERT_THAT(error, IsOk());
   EXPECT_EQ(error->evaluated, 642);
@@ -64,9 +57,9 @@ TEST(GeodesicErrorTest, AShiftInThePlaneIsItsLength) {
 
 TEST(GeodesicErrorTest, CountsTheUnmatchedApart) {
   const GeodesicErrorMeter meter(UnitSphere(1));
-  VertexMap found = Identity(42);
+  VertexMap found = IdentityMap(42);
   found[7] = kNoVertex;
-  VertexMap truth = Identity(42);
+  VertexMap truth = IdentityMap(42);
   truth[9] = kNoVertex;
   const auto error = meter.Measure(found, truth);
   ASSERT_THAT(error, IsOk());
@@ -80,8 +73,8 @@ TEST(GeodesicErrorTest, CountsTheUnmatchedApart) {
 
 TEST(GeodesicErrorTest, RefusesWhatCannotBeCompared) {
   const GeodesicErrorMeter meter(UnitSphere(1));
-  const VertexMap truth = Identity(42);
-  EXPECT_THAT(meter.Measure(Identity(41), truth).status(),
+  const VertexMap truth = IdentityMap(42);
+  EXPECT_THAT(meter.Measure(IdentityMap(41), truth).status(),
               StatusIs(kInvalid, HasSubstr("the map has 41 entries")));
   VertexMap bad = truth;
   bad[5] = 42;

@@ -1,7 +1,6 @@
 #include "core/evaluation/map_quality.h"
 
 #include <cmath>
-#include <numeric>
 
 #include <gtest/gtest.h>
 
@@ -12,12 +11,6 @@
 namespace isomatch {
 namespace {
 
-VertexMap Identity(VertexIndex n) {
-  VertexMap map(n);
-  std::iota(map.begin(), map.end(), 0);
-  return map;
-}
-
 BasisPoints BasisOf(const TriangleMesh& mesh) {
   const DistanceFieldSolver solver(mesh);
   return *BasisPoints::Create(solver, *FarthestPoints(solver, 30, {}), {}, {});
@@ -26,7 +19,7 @@ BasisPoints BasisOf(const TriangleMesh& mesh) {
 TEST(MapQualityTest, TheIdentityIsPerfect) {
   const TriangleMesh mesh = FiveArms(3);
   const auto measures =
-      MeasureMap(mesh, BasisOf(mesh), mesh, Identity(mesh.num_vertices()),
+      MeasureMap(mesh, BasisOf(mesh), mesh, IdentityMap(mesh.num_vertices()),
                  mesh.positions, {});
   ASSERT_THAT(measures, IsOk());
   EXPECT_NEAR(measures->geodesic_distortion, 0, 1e-6);
@@ -40,8 +33,8 @@ TEST(MapQualityTest, AreaDistortionOfAStretchIsItsLogarithm) {
   Positions stretched = plane.positions;
   stretched.col(0) *= 2;
   const auto measures =
-      MeasureMap(plane, BasisOf(plane), plane, Identity(plane.num_vertices()),
-                 stretched, {});
+      MeasureMap(plane, BasisOf(plane), plane,
+                 IdentityMap(plane.num_vertices()), stretched, {});
   ASSERT_THAT(measures, IsOk());
   EXPECT_NEAR(measures->area_distortion, std::log(2.0), 1e-9);
 }
@@ -49,7 +42,7 @@ TEST(MapQualityTest, AreaDistortionOfAStretchIsItsLogarithm) {
 TEST(MapQualityTest, CoverageIsTheAreaThatImagesReach) {
   // Everything goes to the left half of the plane.
   const TriangleMesh plane = PlaneGrid(40, 40, 1, 1);
-  VertexMap map = Identity(plane.num_vertices());
+  VertexMap map = IdentityMap(plane.num_vertices());
   for (VertexIndex v = 0; v < plane.num_vertices(); ++v) {
     if (v % 41 > 20) map[v] = v - v % 41 + 20;
   }
@@ -62,7 +55,7 @@ TEST(MapQualityTest, CoverageIsTheAreaThatImagesReach) {
 
 TEST(MapQualityTest, DistortionsPointAtTheVerticesThatWentAstray) {
   const TriangleMesh mesh = FiveArms(3);
-  VertexMap map = Identity(mesh.num_vertices());
+  VertexMap map = IdentityMap(mesh.num_vertices());
   Eigen::Index tip;
   mesh.positions.rowwise().norm().maxCoeff(&tip);
   const auto astray = static_cast<VertexIndex>(tip);

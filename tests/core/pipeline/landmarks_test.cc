@@ -28,12 +28,6 @@ using testing::IsEmpty;
 
 using Landmarks = std::vector<Landmark>;
 
-double FractionRight(const VertexMap& found, const VertexMap& truth) {
-  int right = 0;
-  for (std::size_t v = 0; v < truth.size(); ++v) right += found[v] == truth[v];
-  return double(right) / double(truth.size());
-}
-
 /// `mesh` turned about the z axis by an angle that grows with z: no isometry,
 /// but near one.
 TriangleMesh Twisted(const TriangleMesh& mesh, double angle_per_length) {

@@ -39,12 +39,6 @@ MatchOptions QuickOptionsOf(Profile profile) {
   return options;
 }
 
-double FractionRight(const VertexMap& found, const VertexMap& truth) {
-  int right = 0;
-  for (std::size_t v = 0; v < truth.size(); ++v) right += found[v] == truth[v];
-  return double(right) / double(truth.size());
-}
-
 TEST(MatcherTest, UndoesARelabelling) {
   const TriangleMesh mesh = FiveArms(3);
   const auto permutation = RandomPermutation(mesh.num_vertices(), /*seed=*/1);

@@ -22,7 +22,6 @@ using testing::HasSubstr;
 
 const Eigen::RowVector3d kLongestArm(1, 0.1, 0.05);
 const Eigen::RowVector3d kSecondArm(0.2, 1, 0.1);
-const Eigen::RowVector3d kFourthArm(-0.6, -0.9, 0.2);
 
 /// FiveArms, and the same relabelled and moved without one arm.
 class PartialTest : public testing::Test {

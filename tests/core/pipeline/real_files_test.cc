@@ -27,9 +27,6 @@ using testing::IsEmpty;
 
 using Warnings = std::vector<std::string>;
 
-/// Direction of the fourth of the five arms.
-const Eigen::RowVector3d kFourthArm(-0.6, -0.9, 0.2);
-
 /// One result, its map expressed in vertices of the good mesh.
 struct Measured {
   Correspondence found;

@@ -16,7 +16,7 @@
 namespace isomatch {
 namespace {
 
-constexpr auto kInvalid = grpc::StatusCode::INVALID_ARGUMENT;
+constexpr auto kBadRequest = grpc::StatusCode::INVALID_ARGUMENT;
 
 /// CreateJob with bad requests: each is refused with its field, and the server
 /// goes on serving.
@@ -25,7 +25,7 @@ class ParseCreateJobTest : public TestServer {
   void ExpectRefused(const v1::CreateJobRequest& request,
                      const std::string& reason, const std::string& field) {
     const CallError error = CreateError(request);
-    EXPECT_EQ(error.code, kInvalid);
+    EXPECT_EQ(error.code, kBadRequest);
     EXPECT_EQ(error.reason, reason);
     EXPECT_EQ(error.field, field);
     EXPECT_NE(CreateJob(), "");
@@ -65,7 +65,7 @@ TEST_F(ParseCreateJobTest, ACoordinateThatIsNotANumber) {
   v1::CreateJobRequest request = SphereJob();
   *request.mutable_mesh_x() = ToDraco(mesh);
   const CallError error = CreateError(request);
-  EXPECT_EQ(error.code, kInvalid);
+  EXPECT_EQ(error.code, kBadRequest);
   EXPECT_EQ(error.reason, "MESH_MALFORMED");
   EXPECT_THAT(error.field, testing::StartsWith("mesh_x"));
 }
