@@ -41,8 +41,7 @@ absl::Status RunAblation(const PairSelection& pairs,
     variant.swapping = row.swapping;
     ISOMATCH_ASSIGN_OR_RETURN(
         const std::vector<PairResult> results,
-        RunPairs(pairs.dir, pairs.filter, pairs.true_landmarks, variant,
-                 [](const PairResult&) {}));
+        RunPairs(pairs, variant, [](const PairResult&) {}));
     const std::vector<StageError> stages = StageMeans(results);
     const StageError before = BeforeRefinement(stages);
     const Summary summary = Summarise(results);

@@ -7,7 +7,6 @@
 
 #include "client/text_file.h"
 #include "core/base/status_macros.h"
-#include "tests/bench/run_pairs.h"
 
 namespace isomatch::bench {
 namespace {
@@ -117,8 +116,7 @@ absl::Status RunAccuracy(const PairSelection& pairs,
               "n_X", "n_Y", "direct", "best", "verdict", "seconds", "orient",
               "Eq. 8", "symmetry");
   ISOMATCH_ASSIGN_OR_RETURN(const std::vector<PairResult> results,
-                            RunPairs(pairs.dir, pairs.filter,
-                                     pairs.true_landmarks, options, PrintPair));
+                            RunPairs(pairs, options, PrintPair));
   PrintConfidence(results);
   PrintSummary(results);
   if (out_path.empty()) return absl::OkStatus();

@@ -1,19 +1,12 @@
 #pragma once
 
 #include <string>
-#include <vector>
 
 #include "absl/status/status.h"
 #include "core/pipeline/match_options.h"
+#include "tests/bench/run_pairs.h"
 
 namespace isomatch::bench {
-
-/// Which pairs, and how.
-struct PairSelection {
-  std::string dir;
-  std::string filter;      ///< only pairs whose names contain this
-  int true_landmarks = 0;  ///< given to each pair
-};
 
 /// Matches every pair of a set and prints errors / diameter by pair, by stage
 /// and in total; the same as JSON to `out_path` unless that is empty.

@@ -48,6 +48,9 @@ CLI::App* AddPairCommand(CLI::App* app, const char* name, const char* help,
                    "Matches of the truth to give to each pair")
       ->check(CLI::Range(0, 1000))
       ->capture_default_str();
+  command->add_flag("--as-sent", arguments->pairs.as_sent,
+                    "Meshes go through Draco first, as clients send them: the "
+                    "maps are those of isomatch match and batch");
   AddMatchOptions(command, arguments);
   return command;
 }

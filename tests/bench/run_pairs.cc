@@ -6,6 +6,7 @@
 
 #include "core/base/status_macros.h"
 #include "core/evaluation/geodesic_error.h"
+#include "core/io/draco_mesh.h"
 
 namespace isomatch::bench {
 namespace {
@@ -70,6 +71,11 @@ absl::StatusOr<PairResult> RunPair(const MeshPair& pair, int true_landmarks,
   return result;
 }
 
+absl::StatusOr<TriangleMesh> AsSent(const TriangleMesh& mesh) {
+  ISOMATCH_ASSIGN_OR_RETURN(const EncodedMesh encoded, EncodeDraco(mesh));
+  return DecodeDraco(encoded.bytes, encoded.vertex_order, mesh.num_vertices());
+}
+
 double Median(std::vector<double> values) {
   std::sort(values.begin(), values.end());
   const std::size_t n = values.size();
@@ -85,24 +91,28 @@ double Mean(const std::vector<double>& values) {
 }  // namespace
 
 absl::StatusOr<std::vector<PairResult>> RunPairs(
-    const std::string& dir, const std::string& filter, int true_landmarks,
-    const MatchOptions& options,
+    const PairSelection& pairs, const MatchOptions& options,
     const std::function<void(const PairResult&)>& done) {
-  ISOMATCH_ASSIGN_OR_RETURN(const auto names, ReadPairNames(dir));
+  ISOMATCH_ASSIGN_OR_RETURN(const auto names, ReadPairNames(pairs.dir));
   MatchOptions with_stages = options;
   with_stages.keep_stage_maps = true;
   std::vector<PairResult> results;
   for (const auto& [name_x, name_y] : names) {
-    if ((name_x + " " + name_y).find(filter) == std::string::npos) continue;
-    ISOMATCH_ASSIGN_OR_RETURN(const MeshPair pair,
-                              ReadPair(dir, name_x, name_y));
+    const std::string names_of_both = name_x + " " + name_y;
+    if (names_of_both.find(pairs.filter) == std::string::npos) continue;
+    ISOMATCH_ASSIGN_OR_RETURN(MeshPair pair,
+                              ReadPair(pairs.dir, name_x, name_y));
+    if (pairs.as_sent) {
+      ISOMATCH_ASSIGN_OR_RETURN(pair.mesh_x, AsSent(pair.mesh_x));
+      ISOMATCH_ASSIGN_OR_RETURN(pair.mesh_y, AsSent(pair.mesh_y));
+    }
     ISOMATCH_ASSIGN_OR_RETURN(PairResult result,
-                              RunPair(pair, true_landmarks, with_stages));
+                              RunPair(pair, pairs.true_landmarks, with_stages));
     done(result);
     results.push_back(std::move(result));
   }
   if (results.empty()) {
-    return absl::InvalidArgumentError("no pair in " + dir +
+    return absl::InvalidArgumentError("no pair in " + pairs.dir +
                                       "/pairs.txt matches the filter");
   }
   return results;

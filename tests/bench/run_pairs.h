@@ -47,11 +47,18 @@ struct PairResult {
   bool failed() const { return direct() > kFailed; }
 };
 
-/// Matches all pairs of a set, or those whose names contain `filter`, each with
-/// `true_landmarks` matches from its truth, and calls `done` after each.
+/// Which pairs, and how.
+struct PairSelection {
+  std::string dir;
+  std::string filter;      ///< only pairs whose names contain this
+  int true_landmarks = 0;  ///< matches of its truth that each pair is given
+  /// Meshes go through Draco first, as those that clients send.
+  bool as_sent = false;
+};
+
+/// Matches the pairs and calls `done` after each.
 absl::StatusOr<std::vector<PairResult>> RunPairs(
-    const std::string& dir, const std::string& filter, int true_landmarks,
-    const MatchOptions& options,
+    const PairSelection& pairs, const MatchOptions& options,
     const std::function<void(const PairResult&)>& done);
 
 /// Means over pairs, and medians.
