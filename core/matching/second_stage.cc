@@ -5,6 +5,7 @@
 #include <limits>
 #include <utility>
 
+#include "absl/types/span.h"
 #include "core/base/parallel.h"
 #include "core/base/status_macros.h"
 
@@ -15,6 +16,8 @@ namespace {
 constexpr int kGrowth = 3;
 /// Insertions between two progress reports.
 constexpr int kReportEvery = 64;
+/// Anchors whose errors are added up before beaten candidates drop out.
+constexpr std::size_t kAnchorsAtOnce = 4;
 
 /// Vertices of X without a match, in random order.
 std::vector<VertexIndex> ShuffledUnmatched(const VertexMap& y_from_x,
@@ -53,9 +56,9 @@ class SecondStage {
                               shape_y_.closeness.basis().num_points());
     for (int count = kGrowth;; count += kGrowth) {
       const std::vector<Anchor> anchors = MatchedNear(x, count);
-      const std::vector<VertexIndex> candidates = Candidates(anchors, count);
+      std::vector<VertexIndex> candidates = Candidates(anchors, count);
       if (!candidates.empty()) {
-        map_.Set(x, Best(anchors, candidates));
+        map_.Set(x, Best(anchors, std::move(candidates)));
         return true;
       }
       if (count >= most) return false;
@@ -107,17 +110,51 @@ class SecondStage {
 
   /// The candidate of least Eq. 8 over the anchors; ties by smallest vertex.
   VertexIndex Best(const std::vector<Anchor>& anchors,
-                   const std::vector<VertexIndex>& candidates) const {
+                   std::vector<VertexIndex> candidates) const {
     std::vector<float> errors(candidates.size(), 0);
-    std::vector<float> row(candidates.size());
-    for (const Anchor& anchor : anchors) {
-      shape_y_.closeness.Row(map_.y_from_x[anchor.x], candidates, row.data());
-      for (std::size_t c = 0; c < candidates.size(); ++c) {
-        errors[c] += std::abs(anchor.closeness - row[c]);
+    for (std::size_t done = 0; done < anchors.size();) {
+      const std::size_t end = std::min(done + kAnchorsAtOnce, anchors.size());
+      const auto some = absl::MakeConstSpan(anchors).subspan(done, end - done);
+      AddErrors(some, candidates, &errors);
+      done = end;
+      if (done < anchors.size() && candidates.size() > 1) {
+        DropBeaten(absl::MakeConstSpan(anchors).subspan(done), &candidates,
+                   &errors);
       }
     }
     const auto best = std::min_element(errors.begin(), errors.end());
     return candidates[best - errors.begin()];
+  }
+
+  void AddErrors(absl::Span<const Anchor> anchors,
+                 const std::vector<VertexIndex>& candidates,
+                 std::vector<float>* errors) const {
+    std::vector<float> row(candidates.size());
+    for (const Anchor& anchor : anchors) {
+      shape_y_.closeness.Row(map_.y_from_x[anchor.x], candidates, row.data());
+      for (std::size_t c = 0; c < candidates.size(); ++c) {
+        (*errors)[c] += std::abs(anchor.closeness - row[c]);
+      }
+    }
+  }
+
+  /// Errors only grow: whoever has more by now than the best of now will have
+  /// in the end cannot win.
+  void DropBeaten(absl::Span<const Anchor> to_come,
+                  std::vector<VertexIndex>* candidates,
+                  std::vector<float>* errors) const {
+    const std::size_t best =
+        std::min_element(errors->begin(), errors->end()) - errors->begin();
+    std::vector<float> bound = {(*errors)[best]};
+    AddErrors(to_come, {(*candidates)[best]}, &bound);
+    std::size_t kept = 0;
+    for (std::size_t c = 0; c < candidates->size(); ++c) {
+      if ((*errors)[c] > bound.front()) continue;
+      (*candidates)[kept] = (*candidates)[c];
+      (*errors)[kept++] = (*errors)[c];
+    }
+    candidates->resize(kept);
+    errors->resize(kept);
   }
 
   const HashedShape& shape_x_;

@@ -240,7 +240,8 @@ class Matcher {
     if (options_.zoomout_end == 0) return absl::OkStatus();
     progress_.Begin(Stage::kZoomOut);
     ISOMATCH_ASSIGN_OR_RETURN(
-        best().y_from_x, ZoomOut(shape(kX).spectral, shape(kY).spectral,
+        best().y_from_x, ZoomOut({shape(kX).spectral, solved(kX).stars},
+                                 {shape(kY).spectral, solved(kY).stars},
                                  std::move(best().y_from_x),
                                  {options_.zoomout_start, options_.zoomout_end,
                                   options_.zoomout_step},

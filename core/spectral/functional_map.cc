@@ -142,16 +142,11 @@ void CarryOver(const Eigen::MatrixXf& fmap_x_from_y,
       .IgnoreError();
 }
 
-absl::StatusOr<VertexMap> VertexMapFromFunctionalMap(
-    const SpectralBasis& spectral_x, const SpectralBasis& spectral_y,
-    const Eigen::MatrixXd& fmap_x_from_y, const std::stop_token& stop) {
-  const PointColumns carried =
-      (fmap_x_from_y *
-       spectral_y.functions.leftCols(fmap_x_from_y.cols()).transpose())
-          .cast<float>();
-  return NearestColumns(
-      FunctionColumns(spectral_x, static_cast<int>(fmap_x_from_y.rows())),
-      carried, stop);
+PointColumns CarriedColumns(const SpectralBasis& spectral_y,
+                            const Eigen::MatrixXd& fmap_x_from_y) {
+  return (fmap_x_from_y *
+          spectral_y.functions.leftCols(fmap_x_from_y.cols()).transpose())
+      .cast<float>();
 }
 
 }  // namespace isomatch

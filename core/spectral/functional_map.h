@@ -1,10 +1,7 @@
 #pragma once
 
-#include <stop_token>
-
 #include <Eigen/Core>
 
-#include "absl/status/statusor.h"
 #include "absl/types/span.h"
 #include "core/base/nearest_columns.h"
 #include "core/base/vertex_index.h"
@@ -45,11 +42,11 @@ void CarryOver(const Eigen::MatrixXf& fmap_x_from_y,
                const Eigen::Ref<const PointColumns>& functions_y,
                Eigen::Ref<PointColumns> carried);
 
-/// Returns the vertex map of a functional map: each vertex x goes to the y
-/// whose delta function is nearest in X's basis, argmin_y |C Phi_Y(y) -
-/// Phi_X(x)| (ZoomOut, Eq. 3). Time O(n_X n_Y k).
-absl::StatusOr<VertexMap> VertexMapFromFunctionalMap(
-    const SpectralBasis& spectral_x, const SpectralBasis& spectral_y,
-    const Eigen::MatrixXd& fmap_x_from_y, const std::stop_token& stop);
+/// The same in double precision of a whole basis: NearestColumns from
+/// FunctionColumns of X among these is the vertex map of a functional map, each
+/// vertex x going to the y whose delta function is nearest in X's basis,
+/// argmin_y |C Phi_Y(y) - Phi_X(x)| (ZoomOut, Eq. 3).
+PointColumns CarriedColumns(const SpectralBasis& spectral_y,
+                            const Eigen::MatrixXd& fmap_x_from_y);
 
 }  // namespace isomatch

@@ -5,6 +5,7 @@
 
 #include "absl/status/statusor.h"
 #include "core/base/vertex_index.h"
+#include "core/mesh/vertex_stars.h"
 #include "core/spectral/spectral_basis.h"
 
 namespace isomatch {
@@ -16,16 +17,22 @@ struct ZoomOutOptions {
   int step = 5;
 };
 
+/// A mesh's eigenfunctions, and its edges.
+struct SpectralSurface {
+  const SpectralBasis& basis;
+  const VertexStars& stars;
+};
+
 /// Refines a map by alternating between functional map and vertex map while
 /// the bases grow from `start` to `end` functions (Melzi et al., ZoomOut,
 /// 2019). `y_from_x` may be partial; the result is dense. Sizes are cut to the
 /// bases at hand. `progress`, when set, is called with a fraction in (0, 1].
 ///
 /// REQUIRES: at least one match; 1 <= start <= end, step >= 1.
-/// Time O(iterations n_X n_Y k). CANCELLED after `stop`.
-absl::StatusOr<VertexMap> ZoomOut(const SpectralBasis& spectral_x,
-                                  const SpectralBasis& spectral_y,
-                                  VertexMap y_from_x,
+/// Time O(iterations n_X n_Y k), beyond 10^8 pairs of vertices O(iterations
+/// (n_X + n_Y) k), see NearestOnSurface. CANCELLED after `stop`.
+absl::StatusOr<VertexMap> ZoomOut(const SpectralSurface& x,
+                                  const SpectralSurface& y, VertexMap y_from_x,
                                   const ZoomOutOptions& options,
                                   const std::function<void(double)>& progress,
                                   const std::stop_token& stop);

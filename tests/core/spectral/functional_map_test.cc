@@ -39,7 +39,9 @@ TEST(FunctionalMapTest, FollowsARotationOfTheBasis) {
   const Eigen::MatrixXd fmap =
       FunctionalMapFromVertexMap(basis_x, basis_y, identity, 3);
   EXPECT_LT((fmap - rotation).norm(), 1e-6);
-  const auto map = VertexMapFromFunctionalMap(basis_x, basis_y, fmap, {});
+  const auto map =
+      NearestColumns(FunctionColumns(basis_x, static_cast<int>(fmap.rows())),
+                     CarriedColumns(basis_y, fmap), {});
   ASSERT_THAT(map, IsOk());
   int right = 0;
   for (std::size_t v = 0; v < map->size(); ++v)
@@ -89,7 +91,9 @@ TEST(FunctionalMapTest, RelabellingIsUndoneByTheVertexMap) {
   EXPECT_LT(
       (fmap * fmap.transpose() - Eigen::MatrixXd::Identity(30, 30)).norm(),
       1e-5);
-  const auto map = VertexMapFromFunctionalMap(basis_x, basis_y, fmap, {});
+  const auto map =
+      NearestColumns(FunctionColumns(basis_x, static_cast<int>(fmap.rows())),
+                     CarriedColumns(basis_y, fmap), {});
   ASSERT_THAT(map, IsOk());
   EXPECT_EQ(*map, permutation);
 }

@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include "core/mesh/vertex_stars.h"
 #include "tests/support/matchers.h"
 #include "tests/support/shapes.h"
 
@@ -14,9 +15,14 @@ class ZoomOutTest : public testing::Test {
  protected:
   ZoomOutTest()
       : permutation_(RandomPermutation(mesh_.num_vertices(), /*seed=*/5)),
+        mesh_y_(Relabelled(mesh_, permutation_)),
+        stars_x_(mesh_),
+        stars_y_(mesh_y_),
         basis_x_(*ComputeSpectralBasis(BuildCotanLaplacian(mesh_), 60, {})),
-        basis_y_(*ComputeSpectralBasis(
-            BuildCotanLaplacian(Relabelled(mesh_, permutation_)), 60, {})) {}
+        basis_y_(*ComputeSpectralBasis(BuildCotanLaplacian(mesh_y_), 60, {})) {}
+
+  SpectralSurface x() const { return {basis_x_, stars_x_}; }
+  SpectralSurface y() const { return {basis_y_, stars_y_}; }
 
   /// Every 40th vertex right, the others unmatched.
   VertexMap Sparse() const {
@@ -29,6 +35,9 @@ class ZoomOutTest : public testing::Test {
 
   const TriangleMesh mesh_ = FiveArms(3);
   const std::vector<VertexIndex> permutation_;
+  const TriangleMesh mesh_y_;
+  const VertexStars stars_x_;
+  const VertexStars stars_y_;
   const SpectralBasis basis_x_;
   const SpectralBasis basis_y_;
 };
@@ -36,7 +45,7 @@ class ZoomOutTest : public testing::Test {
 TEST_F(ZoomOutTest, SixteenMatchesGrowToTheWholePermutation) {
   std::vector<double> fractions;
   const auto map =
-      ZoomOut(basis_x_, basis_y_, Sparse(), {6, 60, 6},
+      ZoomOut(x(), y(), Sparse(), {6, 60, 6},
               [&](double fraction) { fractions.push_back(fraction); }, {});
   ASSERT_THAT(map, IsOk());
   EXPECT_EQ(*map, permutation_);
@@ -45,8 +54,7 @@ TEST_F(ZoomOutTest, SixteenMatchesGrowToTheWholePermutation) {
 }
 
 TEST_F(ZoomOutTest, SizesBeyondTheBasesAreCut) {
-  const auto map =
-      ZoomOut(basis_x_, basis_y_, permutation_, {100, 500, 7}, {}, {});
+  const auto map = ZoomOut(x(), y(), permutation_, {100, 500, 7}, {}, {});
   ASSERT_THAT(map, IsOk());
   EXPECT_EQ(*map, permutation_);
 }
@@ -54,9 +62,8 @@ TEST_F(ZoomOutTest, SizesBeyondTheBasesAreCut) {
 TEST_F(ZoomOutTest, StopsWhenAsked) {
   std::stop_source stop;
   stop.request_stop();
-  EXPECT_THAT(
-      ZoomOut(basis_x_, basis_y_, Sparse(), {}, {}, stop.get_token()).status(),
-      StatusIs(absl::StatusCode::kCancelled, testing::_));
+  EXPECT_THAT(ZoomOut(x(), y(), Sparse(), {}, {}, stop.get_token()).status(),
+              StatusIs(absl::StatusCode::kCancelled, testing::_));
 }
 
 }  // namespace
