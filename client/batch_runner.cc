@@ -22,7 +22,9 @@ namespace {
 std::string MapOptions(const JobFlags& job) {
   return absl::StrCat(
       job.profile, "\n", job.random_seed, "\n", job.landmarks_exact, "\n",
-      job.solved_vertices ? absl::StrCat(*job.solved_vertices) : "default");
+      job.solved_vertices ? absl::StrCat(*job.solved_vertices) : "default",
+      job.memory_limit_bytes > 0 ? absl::StrCat("\n", job.memory_limit_bytes)
+                                 : "");
 }
 
 // The server has no room for another job now, but will have.

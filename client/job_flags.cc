@@ -58,6 +58,12 @@ void AddJobFlags(CLI::App* command, JobFlags* flags) {
                       "Decimate larger meshes to about as many and lift the "
                       "map; 0 never does, not given: as the profile has it");
   command
+      ->add_option("--memory-limit", flags->memory_limit_bytes,
+                   "The job takes no more, e.g. 800MB or 2GB: it uses fewer "
+                   "threads, then solves on fewer vertices, or is refused")
+      ->transform(CLI::AsSizeValue(/*kb_is_1000=*/true))
+      ->default_str("none");
+  command
       ->add_option("--threads", flags->threads,
                    "For each job; 0: all cores, or the server's share")
       ->check(CLI::Range(0, 1024))
@@ -79,6 +85,7 @@ void SetJobFlags(const JobFlags& flags, MatchRequest* request) {
   request->random_seed = flags.random_seed;
   request->threads = flags.threads;
   request->solved_vertices = flags.solved_vertices;
+  request->memory_limit_bytes = flags.memory_limit_bytes;
   request->priority = flags.priority;
   request->landmarks_exact = flags.landmarks_exact;
 }

@@ -22,6 +22,7 @@ struct JobFlags {
   std::uint64_t random_seed = 1;
   std::uint32_t threads = 0;
   std::optional<std::uint32_t> solved_vertices;
+  std::uint64_t memory_limit_bytes = 0;
   std::int32_t priority = 0;
   bool landmarks_exact = false;
 };

@@ -32,6 +32,8 @@ struct MatchRequest {
   std::vector<v1::ResultPart> parts = {};
   /// As MatchOptions.solved_vertices; not set: the profile's choice.
   std::optional<std::uint32_t> solved_vertices = {};
+  /// As MatchOptions.memory_limit_bytes; 0 for none.
+  std::uint64_t memory_limit_bytes = 0;
   /// -100 to 100; jobs of a higher one start first.
   std::int32_t priority = 0;
   /// Found again by ListJobs.

@@ -1,5 +1,8 @@
 #include "core/pipeline/match_options.h"
 
+#include <cstdint>
+#include <limits>
+
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 
@@ -139,6 +142,9 @@ absl::Status MatchOptions::Validate() const {
         "options.dense_from_closeness: false, expected true when zoomout_end "
         "is 0, since nothing else makes the map dense");
   }
+  ISOMATCH_RETURN_IF_ERROR(InRange("memory_limit_bytes", memory_limit_bytes,
+                                   std::int64_t{0},
+                                   std::numeric_limits<std::int64_t>::max()));
   return InRange("threads", threads, 0, 1024);
 }
 

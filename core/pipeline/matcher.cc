@@ -12,6 +12,7 @@
 #include "core/matching/matching.h"
 #include "core/pipeline/component_matching.h"
 #include "core/pipeline/match_run.h"
+#include "core/pipeline/memory_plan.h"
 #include "core/pipeline/preparation.h"
 #include "core/pipeline/prepared_shape.h"
 #include "core/pipeline/progress_reporter.h"
@@ -156,10 +157,19 @@ absl::StatusOr<Correspondence> Match(const TriangleMesh& mesh_x,
   ISOMATCH_RETURN_IF_ERROR(ValidateMesh(mesh_y, "mesh_y"));
   ISOMATCH_RETURN_IF_ERROR(ValidateLandmarks(landmarks, mesh_x.num_vertices(),
                                              mesh_y.num_vertices()));
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const MemoryPlan plan,
+      PlanWithinMemory(SizeOf(mesh_x), SizeOf(mesh_y),
+                       static_cast<std::int64_t>(landmarks.size()), options));
   absl::StatusOr<Correspondence> result = absl::InternalError("not run");
-  RunWithThreads(options.threads, [&] {
-    result = MatchParts(mesh_x, mesh_y, landmarks, options, progress, stop);
+  RunWithThreads(plan.options.threads, [&] {
+    result =
+        MatchParts(mesh_x, mesh_y, landmarks, plan.options, progress, stop);
   });
+  if (result.ok()) {
+    result->warnings.insert(result->warnings.begin(), plan.warnings.begin(),
+                            plan.warnings.end());
+  }
   return result;
 }
 

@@ -197,7 +197,9 @@ class PreparedShape {
 };
 
 /// Prepares a mesh for Match with these options. Errors as Match; `mesh` is
-/// named "mesh". Reports the first three stages.
+/// named "mesh". Reports the first three stages. Of two meshes no limit can be
+/// planned for one alone: with options.memory_limit_bytes, prepare with the
+/// options of PlanWithinMemory.
 absl::StatusOr<PreparedShape> Prepare(TriangleMesh mesh,
                                       const MatchOptions& options,
                                       const ProgressCallback& progress = {},
@@ -253,6 +255,10 @@ struct MeshSize {
   std::int64_t vertices = 0;
   std::int64_t faces = 0;
 };
+
+inline MeshSize SizeOf(const TriangleMesh& mesh) {
+  return {mesh.num_vertices(), mesh.num_faces()};
+}
 
 /// Returns what MatchPrepared, after Prepare, may allocate beyond that: the
 /// meshes' copies and a mirrored X.

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/strip.h"
 #include "core/base/status_macros.h"
 #include "core/io/draco_mesh.h"
 #include "server/convert/digest.h"
@@ -151,6 +152,29 @@ absl::Status ParseSolvedVertices(const v1::MatchOptions& proto,
                                    ", expected 0 or 500 to 1000000000"));
 }
 
+constexpr char kMemoryLimit[] = "options.memory_limit_bytes";
+
+absl::Status ParseMemoryLimit(const v1::MatchOptions& proto,
+                              MatchOptions& options) {
+  constexpr std::int64_t kMost = std::numeric_limits<std::int64_t>::max();
+  if (proto.memory_limit_bytes() > std::uint64_t{kMost}) {
+    return InvalidField(kMemoryLimit, absl::StrCat(proto.memory_limit_bytes(),
+                                                   ", expected 0 to ", kMost));
+  }
+  options.memory_limit_bytes =
+      static_cast<std::int64_t>(proto.memory_limit_bytes());
+  return absl::OkStatus();
+}
+
+/// Once the meshes are known.
+absl::Status PlanMemory(const ParseContext& context, JobSpec& spec) {
+  const absl::Status planned = context.runner->PlanMemory(spec);
+  if (planned.ok()) return planned;
+  absl::string_view detail = planned.message();
+  absl::ConsumePrefix(&detail, absl::StrCat(kMemoryLimit, ": "));
+  return InvalidField(kMemoryLimit, std::string(detail));
+}
+
 absl::Status ParseOptions(const v1::MatchOptions& proto, int threads_per_job,
                           JobSpec& spec) {
   if (!v1::Profile_IsValid(proto.profile())) {
@@ -169,6 +193,7 @@ absl::Status ParseOptions(const v1::MatchOptions& proto, int threads_per_job,
   spec.options.landmarks_exact = proto.landmarks_exact();
   spec.options.keep_functional_map = proto.functional_map();
   ISOMATCH_RETURN_IF_ERROR(ParseSolvedVertices(proto, spec.options));
+  ISOMATCH_RETURN_IF_ERROR(ParseMemoryLimit(proto, spec.options));
   const int threads = static_cast<int>(proto.threads());
   spec.options.threads =
       threads == 0 ? threads_per_job : std::min(threads, threads_per_job);
@@ -252,6 +277,7 @@ absl::StatusOr<JobSpec> ParseCreateJob(const v1::CreateJobRequest& request,
   ISOMATCH_ASSIGN_OR_RETURN(
       spec.mesh_y, ParseMesh(request.mesh_y(), "mesh_y", context, tenant));
   ISOMATCH_RETURN_IF_ERROR(ParseLandmarks(request, context, spec));
+  ISOMATCH_RETURN_IF_ERROR(PlanMemory(context, spec));
   return spec;
 }
 

@@ -142,21 +142,34 @@ JobResult Summarize(const JobSpec& spec, Correspondence found) {
   return result;
 }
 
-MeshSize SizeOf(const TriangleMesh& mesh) {
-  return {mesh.num_vertices(), mesh.num_faces()};
-}
-
 }  // namespace
 
-std::int64_t JobRunner::EstimateBytes(const JobSpec& spec) const {
-  const MeshSize x = SizeOf(spec.mesh_x);
-  const MeshSize y = SizeOf(spec.mesh_y);
+std::int64_t JobRunner::HeldBytes(const JobSpec& spec) const {
   const std::int64_t extra =
-      uses_cache() ? engine_.estimate_prepared_extra(x, y, spec.options) : 0;
-  return MeshBytes(spec) + extra +
-         engine_.estimate(x, y,
+      uses_cache() ? engine_.estimate_prepared_extra(
+                         SizeOf(spec.mesh_x), SizeOf(spec.mesh_y), spec.options)
+                   : 0;
+  return MeshBytes(spec) + extra;
+}
+
+std::int64_t JobRunner::EstimateBytes(const JobSpec& spec) const {
+  return HeldBytes(spec) +
+         engine_.estimate(SizeOf(spec.mesh_x), SizeOf(spec.mesh_y),
                           static_cast<std::int64_t>(spec.landmarks.size()),
                           spec.options);
+}
+
+absl::Status JobRunner::PlanMemory(JobSpec& spec) const {
+  if (spec.options.memory_limit_bytes == 0) return absl::OkStatus();
+  ISOMATCH_ASSIGN_OR_RETURN(
+      MemoryPlan plan,
+      engine_.plan(SizeOf(spec.mesh_x), SizeOf(spec.mesh_y),
+                   static_cast<std::int64_t>(spec.landmarks.size()),
+                   spec.options, HeldBytes(spec)));
+  spec.options = std::move(plan.options);
+  spec.warnings.insert(spec.warnings.end(), plan.warnings.begin(),
+                       plan.warnings.end());
+  return absl::OkStatus();
 }
 
 absl::Status JobRunner::ValidateLandmarks(const JobSpec& spec) const {

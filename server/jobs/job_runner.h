@@ -41,6 +41,11 @@ class JobRunner {
   /// Returns an upper bound on the bytes the job needs, its meshes included.
   std::int64_t EstimateBytes(const JobSpec& spec) const;
 
+  /// Fits spec.options to its memory limit, if it has one, and adds to its
+  /// warnings what was given up. INVALID_ARGUMENT naming
+  /// options.memory_limit_bytes.
+  absl::Status PlanMemory(JobSpec& spec) const;
+
   /// Landmarks that are in range and do not contradict each other.
   absl::Status ValidateLandmarks(const JobSpec& spec) const;
 
@@ -52,6 +57,9 @@ class JobRunner {
                                  const std::stop_token& stop) const;
 
  private:
+  /// What the job holds beyond what matching its meshes takes.
+  std::int64_t HeldBytes(const JobSpec& spec) const;
+
   bool uses_cache() const {
     return cache_ != nullptr && engine_.match_prepared != nullptr;
   }

@@ -9,6 +9,7 @@ MatchEngine CoreMatchEngine() {
           .match_prepared = MatchPrepared,
           .estimate_prepared_extra = EstimatePreparedExtraBytes,
           .estimate = EstimateMemoryBytes,
+          .plan = PlanWithinMemory,
           .validate_landmarks = ValidateLandmarks};
 }
 

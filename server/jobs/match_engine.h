@@ -8,6 +8,7 @@
 #include "absl/status/statusor.h"
 #include "absl/types/span.h"
 #include "core/pipeline/matcher.h"
+#include "core/pipeline/memory_plan.h"
 
 namespace isomatch {
 
@@ -42,6 +43,11 @@ struct MatchEngine {
   std::function<std::int64_t(MeshSize x, MeshSize y, std::int64_t num_landmarks,
                              const MatchOptions& options)>
       estimate;
+  /// As PlanWithinMemory.
+  std::function<absl::StatusOr<MemoryPlan>(
+      MeshSize x, MeshSize y, std::int64_t num_landmarks,
+      const MatchOptions& options, std::int64_t held_bytes)>
+      plan;
   /// As ValidateLandmarks.
   std::function<absl::Status(absl::Span<const Landmark> landmarks,
                              std::int64_t vertices_x, std::int64_t vertices_y)>

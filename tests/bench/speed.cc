@@ -117,10 +117,6 @@ RunCost MedianRun(const std::vector<RunCost>& runs) {
   return result;
 }
 
-MeshSize SizeOf(const TriangleMesh& mesh) {
-  return {mesh.num_vertices(), mesh.num_faces()};
-}
-
 absl::StatusOr<PairCost> MeasurePair(const MeshPair& pair, int runs,
                                      const MatchOptions& options) {
   PairCost cost;

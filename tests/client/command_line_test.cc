@@ -82,6 +82,9 @@ TEST_F(CommandLineTest, WrongUsageExitsWith2) {
   ExpectUsageError(
       {"match", a_, b_, "--no-progress", "--solved-vertices", "499"},
       "options.solved_vertices: 499, expected 0 or 500 to");
+  ExpectUsageError({"match", a_, b_, "--no-progress", "--memory-limit", "2MB"},
+                   "options.memory_limit_bytes: 2000000, expected at least");
+  ExpectUsageError({"match", a_, b_, "--memory-limit", "much"}, "memory-limit");
   for (const char* address : {"", "host", "host:", ":1", "host:65536"}) {
     ExpectUsageError({"match", a_, b_, "--server", address}, "HOST:PORT");
   }

@@ -100,6 +100,7 @@ MatchEngine TestServer::GatedEngine() {
     return found;
   };
   engine.estimate = [](auto&&...) { return std::int64_t{1} << 20; };
+  engine.plan = PlanWithinMemory;
   engine.validate_landmarks = [](absl::Span<const Landmark> landmarks, auto,
                                  auto) -> absl::Status {
     if (landmarks.size() == 2 && landmarks[0].x == landmarks[1].x) {

@@ -30,6 +30,7 @@ def match(
     random_seed: int = 1,
     threads: int = 0,
     solved_vertices: int | None = None,
+    memory_limit_bytes: int = 0,
     priority: int = 0,
     on_progress: OnProgress | None = None,
     confidence: bool = True,
@@ -60,6 +61,7 @@ def match(
             random_seed=random_seed,
             threads=threads,
             solved_vertices=solved_vertices,
+            memory_limit_bytes=memory_limit_bytes,
             functional_map=functional_map,
             priority=priority,
             # Nobody else knows the job's name.

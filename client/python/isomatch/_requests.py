@@ -78,6 +78,7 @@ def create_job(
     random_seed: int,
     threads: int,
     solved_vertices: int | None,
+    memory_limit_bytes: int,
     functional_map: bool,
     priority: int,
     labels: Mapping[str, str] | None,
@@ -99,6 +100,9 @@ def create_job(
         options.solved_vertices = _integer(
             "solved_vertices", solved_vertices, 0, 2**32 - 1
         )
+    options.memory_limit_bytes = _integer(
+        "memory_limit_bytes", memory_limit_bytes, 0, 2**63 - 1
+    )
     if landmarks is not None:
         _add_landmarks(request, landmarks)
     for field, seconds in (("queue_timeout", queue_timeout), ("run_timeout", run_timeout)):

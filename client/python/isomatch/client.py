@@ -113,6 +113,7 @@ class Client:
         random_seed: int = 1,
         threads: int = 0,
         solved_vertices: int | None = None,
+        memory_limit_bytes: int = 0,
         functional_map: bool = False,
         priority: int = 0,
         labels: Mapping[str, str] | None = None,
@@ -130,6 +131,9 @@ class Client:
         profile: "default" or "paper". random_seed: same input and seed, same map.
         threads: 0 is the server's share. solved_vertices: larger meshes are
           decimated to about so many; 0 never; None as the profile says.
+        memory_limit_bytes: the job takes no more, its meshes included: it uses
+          fewer threads, then solves on fewer vertices (a warning of its result),
+          or is refused; 0 for no limit but the server's.
         functional_map: makes it, for result(functional_map=True).
         priority: -100 to 100. labels: at most 16, to find the job by.
         queue_timeout, run_timeout: seconds, after which the job fails.
@@ -147,6 +151,7 @@ class Client:
             random_seed=random_seed,
             threads=threads,
             solved_vertices=solved_vertices,
+            memory_limit_bytes=memory_limit_bytes,
             functional_map=functional_map,
             priority=priority,
             labels=labels,

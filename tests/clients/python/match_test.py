@@ -115,6 +115,9 @@ class MatchTest(unittest.TestCase):
         self.assertEqual(result.info.random_seed, 7)
         again = isomatch.match(*support.pair(), random_seed=7)
         self.assertFalse((result.y_from_x == again.y_from_x).all())
+        with self.assertRaisesRegex(isomatch.InvalidInput, "at least") as refused:
+            isomatch.match(*support.pair(), memory_limit_bytes=2_000_000)
+        self.assertEqual(refused.exception.field, "options.memory_limit_bytes")
 
 
 class DamagedResultTest(unittest.TestCase):

@@ -63,6 +63,8 @@ TEST(MatchOptionsTest, EveryWrongValueIsNamed) {
           {"first_stage_matches",
            [](MatchOptions& o) { o.first_stage_matches = 3; }},
           {"solved_vertices", [](MatchOptions& o) { o.solved_vertices = 499; }},
+          {"memory_limit_bytes",
+           [](MatchOptions& o) { o.memory_limit_bytes = -1; }},
           {"swap_interval", [](MatchOptions& o) { o.swap_interval = 0; }},
           {"swap_proposals", [](MatchOptions& o) { o.swap_proposals = -1; }},
           {"temperature", [](MatchOptions& o) { o.temperature = -0.1; }},

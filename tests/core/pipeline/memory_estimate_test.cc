@@ -13,10 +13,6 @@
 namespace isomatch {
 namespace {
 
-MeshSize SizeOf(const TriangleMesh& mesh) {
-  return {mesh.num_vertices(), mesh.num_faces()};
-}
-
 class MemoryEstimateTest
     : public testing::TestWithParam<std::pair<Profile, int>> {};
 

@@ -143,6 +143,19 @@ TEST_F(ParseCreateJobTest, SolvedVerticesOutOfRange) {
   }
 }
 
+TEST_F(ParseCreateJobTest, MemoryLimits) {
+  v1::CreateJobRequest request = SphereJob();
+  for (const std::uint64_t limit :
+       {std::uint64_t{1}, std::uint64_t{5'000'000}, ~std::uint64_t{0}}) {
+    request.mutable_options()->set_memory_limit_bytes(limit);
+    ExpectRefused(request, "INVALID_FIELD", "options.memory_limit_bytes");
+  }
+  for (const std::uint64_t limit : {0ULL, 1ULL << 30, ~0ULL >> 1}) {
+    request.mutable_options()->set_memory_limit_bytes(limit);
+    EXPECT_NE(CreateJob(request), "");
+  }
+}
+
 TEST_F(ParseCreateJobTest, WhatIsAskedForReachesTheMethod) {
   std::vector<int> solved;
   on_found_ = [&](auto&&, const MatchOptions& options, auto&&) {

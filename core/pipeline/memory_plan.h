@@ -1,0 +1,40 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "core/pipeline/match_options.h"
+#include "core/pipeline/matcher.h"
+
+namespace isomatch {
+
+/// Options that keep a match within its memory limit.
+struct MemoryPlan {
+  MatchOptions options;
+  /// What was given up for it, in words for the user; empty when nothing was
+  /// that changes the result.
+  std::vector<std::string> warnings;
+};
+
+/// Fits `options` to options.memory_limit_bytes: EstimateMemoryBytes of what it
+/// returns, which bounds the memory that Match takes, and the `held_bytes` that
+/// the caller holds meanwhile are at most that together. First
+/// fewer threads, down to one, which leaves the result as it is; then fewer
+/// solved vertices, and with them fewer basis points, down to
+/// kFewestPlannedVertices. The result depends on sizes, options and limit only,
+/// not on the machine. Without a limit the options come back as they are.
+///
+/// INVALID_ARGUMENT, naming options.memory_limit_bytes and the least that would
+/// do: the limit is too low. REQUIRES: valid options.
+absl::StatusOr<MemoryPlan> PlanWithinMemory(MeshSize x, MeshSize y,
+                                            std::int64_t num_landmarks,
+                                            const MatchOptions& options,
+                                            std::int64_t held_bytes = 0);
+
+/// With fewer, maps of near-isometric shapes get noticeably worse; see
+/// core/README.md, "Large meshes".
+inline constexpr int kFewestPlannedVertices = 1000;
+
+}  // namespace isomatch

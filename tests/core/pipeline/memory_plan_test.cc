@@ -1,0 +1,166 @@
+#include "core/pipeline/memory_plan.h"
+
+#include <cstdint>
+#include <string>
+
+#include <gtest/gtest.h>
+
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "tests/support/matchers.h"
+#include "tests/support/memory_growth.h"
+#include "tests/support/shapes.h"
+
+namespace isomatch {
+namespace {
+
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+constexpr MeshSize kLarge = {100'000, 200'000};
+
+std::int64_t Estimate(MatchOptions options, int threads) {
+  options.threads = threads;
+  return EstimateMemoryBytes(kLarge, kLarge, 0, options);
+}
+
+MatchOptions Limited(Profile profile, std::int64_t limit, int threads = 2) {
+  MatchOptions options = MatchOptions::ForProfile(profile);
+  options.memory_limit_bytes = limit;
+  options.threads = threads;
+  return options;
+}
+
+class MemoryPlanTest : public testing::TestWithParam<Profile> {};
+
+TEST_P(MemoryPlanTest, WhatFitsStaysAsItIs) {
+  const MatchOptions options = MatchOptions::ForProfile(GetParam());
+  for (const std::int64_t limit :
+       {std::int64_t{0}, Estimate(options, 2), std::int64_t{1} << 62}) {
+    const auto plan =
+        PlanWithinMemory(kLarge, kLarge, 0, Limited(GetParam(), limit));
+    ASSERT_THAT(plan, IsOk());
+    EXPECT_EQ(plan->options.threads, 2);
+    EXPECT_EQ(plan->options.solved_vertices, options.solved_vertices);
+    EXPECT_THAT(plan->warnings, IsEmpty());
+  }
+}
+
+TEST_P(MemoryPlanTest, ThreadsGoFirst) {
+  const MatchOptions options = MatchOptions::ForProfile(GetParam());
+  const std::int64_t limit = Estimate(options, 3);
+  ASSERT_LT(limit, Estimate(options, 4));
+  const auto plan =
+      PlanWithinMemory(kLarge, kLarge, 0, Limited(GetParam(), limit, 64));
+  ASSERT_THAT(plan, IsOk());
+  EXPECT_EQ(plan->options.threads, 3);
+  EXPECT_EQ(plan->options.solved_vertices, options.solved_vertices);
+  EXPECT_THAT(plan->warnings, IsEmpty());
+}
+
+TEST_P(MemoryPlanTest, ThenVerticesAndAsManyAsFit) {
+  const MatchOptions options = MatchOptions::ForProfile(GetParam());
+  for (const double share : {0.75, 0.9, 0.99}) {
+    const auto limit = static_cast<std::int64_t>(
+        share * static_cast<double>(Estimate(options, 1)));
+    for (const int threads : {0, 1, 4}) {
+      const auto plan = PlanWithinMemory(kLarge, kLarge, 0,
+                                         Limited(GetParam(), limit, threads));
+      // Full meshes of 100,000 vertices are most of what the default takes.
+      if (!plan.ok()) {
+        EXPECT_EQ(GetParam(), Profile::kDefault);
+        continue;
+      }
+      EXPECT_LE(Estimate(plan->options, plan->options.threads), limit);
+      MatchOptions more = plan->options;
+      more.solved_vertices += 100;
+      EXPECT_GT(Estimate(more, 1), limit);
+      ASSERT_EQ(plan->warnings.size(), 1u);
+      EXPECT_THAT(
+          plan->warnings[0],
+          HasSubstr(absl::StrCat("on ", plan->options.solved_vertices)));
+      // The same on any machine.
+      EXPECT_EQ(
+          plan->options.solved_vertices,
+          PlanWithinMemory(kLarge, kLarge, 0, Limited(GetParam(), limit, 16))
+              ->options.solved_vertices);
+    }
+  }
+}
+
+TEST_P(MemoryPlanTest, TheErrorSaysWhatWouldDo) {
+  const auto plan =
+      PlanWithinMemory(kLarge, kLarge, 0, Limited(GetParam(), 1'000'000), 500);
+  EXPECT_THAT(plan, StatusIs(absl::StatusCode::kInvalidArgument,
+                             HasSubstr("options.memory_limit_bytes: 1000000, "
+                                       "expected at least ")));
+  const std::string said(plan.status().message());
+  std::int64_t least = 0;
+  const std::size_t at = said.find("at least ") + 9;
+  ASSERT_TRUE(
+      absl::SimpleAtoi(said.substr(at, said.find(' ', at) - at), &least));
+  EXPECT_THAT(
+      PlanWithinMemory(kLarge, kLarge, 0, Limited(GetParam(), least), 500),
+      IsOk());
+  EXPECT_FALSE(
+      PlanWithinMemory(kLarge, kLarge, 0, Limited(GetParam(), least - 1), 500)
+          .ok());
+}
+
+INSTANTIATE_TEST_SUITE_P(Profiles, MemoryPlanTest,
+                         testing::Values(Profile::kDefault, Profile::kPaper));
+
+class LimitedMatchTest : public testing::Test {
+ protected:
+  const TriangleMesh x_ = FiveArms(4);
+  const TriangleMesh y_ = Moved(x_, 2);
+
+  std::int64_t EstimateOf(int solved_vertices) const {
+    MatchOptions options;
+    options.threads = 1;
+    options.solved_vertices = solved_vertices;
+    return EstimateMemoryBytes(SizeOf(x_), SizeOf(y_), 0, options);
+  }
+};
+
+TEST_F(LimitedMatchTest, StaysWithinItsLimitAndSaysSo) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  GTEST_SKIP() << "sanitizers change what a process allocates";
+#endif
+  MatchOptions options;
+  options.memory_limit_bytes = EstimateOf(1500);
+  ASSERT_LT(options.memory_limit_bytes, EstimateOf(4000));
+  const MemoryGrowth growth;
+  const auto result = Match(x_, y_, {}, options);
+  const std::int64_t taken = growth.Bytes();
+  ASSERT_THAT(result, IsOk());
+  EXPECT_LE(taken, options.memory_limit_bytes);
+  ASSERT_FALSE(result->warnings.empty());
+  EXPECT_THAT(result->warnings[0], HasSubstr("solved on 1500 vertices"));
+}
+
+TEST_F(LimitedMatchTest, SameMapAtAnyThreadCount) {
+  MatchOptions options;
+  options.memory_limit_bytes = EstimateOf(1200);
+  options.threads = 1;
+  const auto one = Match(x_, y_, {}, options);
+  options.threads = 4;
+  const auto four = Match(x_, y_, {}, options);
+  ASSERT_THAT(one, IsOk());
+  ASSERT_THAT(four, IsOk());
+  EXPECT_EQ(one->y_from_x, four->y_from_x);
+}
+
+TEST_F(LimitedMatchTest, RefusesBeforeItStarts) {
+  MatchOptions options;
+  options.memory_limit_bytes = 1'000'000;
+  int reports = 0;
+  EXPECT_THAT(
+      Match(x_, y_, {}, options, [&](const Progress&) { ++reports; }).status(),
+      StatusIs(absl::StatusCode::kInvalidArgument,
+               HasSubstr("options.memory_limit_bytes: 1000000")));
+  EXPECT_EQ(reports, 0);
+}
+
+}  // namespace
+}  // namespace isomatch
