@@ -85,6 +85,7 @@ RequestLimits MakeRequestLimits(const ServerConfig& config) {
   RequestLimits limits;
   limits.max_request_bytes = config.max_request_bytes;
   limits.max_mesh_bytes = config.max_mesh_bytes;
+  limits.max_bytes_per_tenant = config.max_bytes_per_tenant;
   limits.max_queued_jobs = config.max_queued_jobs;
   return limits;
 }
@@ -216,6 +217,7 @@ JobManager::Limits Server::Impl::MakeJobLimits() const {
   limits.max_queued_jobs_per_tenant = config_.max_queued_jobs_per_tenant == 0
                                           ? config_.max_queued_jobs
                                           : config_.max_queued_jobs_per_tenant;
+  limits.max_bytes_per_tenant = config_.max_bytes_per_tenant;
   limits.max_kept_jobs = config_.max_kept_jobs;
   limits.job_retention = config_.job_retention;
   limits.durable = config_.is_durable();

@@ -132,6 +132,8 @@ absl::Status ServerConfig::Validate() const {
   ISOMATCH_RETURN_IF_ERROR(CheckCount("--max-queued-jobs-per-tenant",
                                       max_queued_jobs_per_tenant,
                                       kMaxQueuedJobsPerTenant));
+  ISOMATCH_RETURN_IF_ERROR(CheckBytes("--max-bytes-per-tenant",
+                                      max_bytes_per_tenant, kMaxTenantBytes));
   ISOMATCH_RETURN_IF_ERROR(CheckBytesOfHalf("--max-request-bytes",
                                             max_request_bytes, kMaxRequestBytes,
                                             blob_store_bytes));

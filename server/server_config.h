@@ -77,6 +77,10 @@ struct ServerConfig {
   /// Of one tenant; 0 for no limit of its own.
   static constexpr IntRange kMaxQueuedJobsPerTenant = {0, 100'000};
   int max_queued_jobs_per_tenant = 0;
+  /// Bytes of one tenant's meshes, requests and results; 0 for no limit of its
+  /// own.
+  static constexpr IntRange kMaxTenantBytes = {0, std::int64_t{1} << 50};
+  std::int64_t max_bytes_per_tenant = 0;
   /// One request message. At most blob_store_bytes / 2.
   static constexpr IntRange kMaxRequestBytes = {std::int64_t{2} << 20,
                                                 std::int64_t{1} << 30};

@@ -160,6 +160,11 @@ void AddLimitFlags(FlagSet& flags, ServerConfig& config) {
                  config.max_queued_jobs_per_tenant,
                  ServerConfig::kMaxQueuedJobsPerTenant,
                  "Of one tenant, TENANT_QUOTA; 0 for no limit of its own");
+  flags.AddBytes(
+      "--max-bytes-per-tenant", config.max_bytes_per_tenant,
+      ServerConfig::kMaxTenantBytes,
+      "Meshes, requests and results of one tenant, STORAGE_QUOTA for "
+      "what comes on top; 0 for no limit of its own");
   flags.AddCount("--max-kept-jobs", config.max_kept_jobs,
                  ServerConfig::kMaxKeptJobs,
                  "Ended jobs that are remembered; the oldest go first");

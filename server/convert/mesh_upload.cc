@@ -31,6 +31,12 @@ absl::Status MeshUpload::Begin(const v1::UploadMeshRequest& request) {
   digest_ = request.header();
   key_.sha256 = digest_.sha256();
   known_ = parts_.blobs->Has(key_);
+  const auto size = static_cast<std::int64_t>(digest_.size_bytes());
+  const std::int64_t limit = parts_.limits.max_bytes_per_tenant;
+  if (!known_ && limit > 0 &&
+      !parts_.blobs->MakeTenantRoom(key_.tenant, size, limit)) {
+    return StorageQuota(key_.tenant, size, limit);
+  }
   stage_ = known_ ? Stage::kOver : Stage::kReceiving;
   return known_ ? absl::OkStatus() : ContinueAt(request.offset());
 }

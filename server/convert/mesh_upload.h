@@ -35,7 +35,8 @@ class MeshUpload {
       : parts_(parts), key_{tenant, ""} {}
 
   /// Takes the next message. INVALID_ARGUMENT (UPLOAD_MALFORMED,
-  /// MESH_TOO_LARGE, INVALID_FIELD), RESOURCE_EXHAUSTED (UPLOAD_QUOTA).
+  /// MESH_TOO_LARGE, INVALID_FIELD), RESOURCE_EXHAUSTED (UPLOAD_QUOTA,
+  /// STORAGE_QUOTA).
   absl::Status Take(const v1::UploadMeshRequest& request);
 
   /// Checks size and digest and stores the mesh. INVALID_ARGUMENT

@@ -11,6 +11,8 @@ struct RequestLimits {
   std::int64_t max_request_bytes = std::int64_t{4} << 20;
   std::int64_t max_chunk_bytes = std::int64_t{1} << 20;
   std::int64_t max_mesh_bytes = std::int64_t{256} << 20;
+  /// 0 for no limit.
+  std::int64_t max_bytes_per_tenant = 0;
   int max_landmarks = 10'000;
   int max_queued_jobs = 100;
   DracoLimits draco;

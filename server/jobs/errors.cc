@@ -168,6 +168,18 @@ absl::Status StorageFailed(const absl::Status& problem) {
                    kRetryStorageFailed);
 }
 
+absl::Status StorageQuota(const std::string& tenant, std::int64_t size_bytes,
+                          std::int64_t limit_bytes) {
+  return Make(absl::StatusCode::kResourceExhausted, "STORAGE_QUOTA",
+              absl::StrCat("no room for ", size_bytes, " bytes: ", tenant,
+                           " may have ", limit_bytes,
+                           " here, and jobs need what is there; wait for them, "
+                           "or delete jobs that have ended"),
+              {{"tenant", tenant},
+               {"size_bytes", absl::StrCat(size_bytes)},
+               {"limit_bytes", absl::StrCat(limit_bytes)}});
+}
+
 absl::Status UploadQuota(std::int64_t size_bytes, absl::Duration retry_after) {
   return WithRetry(Make(absl::StatusCode::kResourceExhausted, "UPLOAD_QUOTA",
                         absl::StrCat("no room for ", size_bytes, " bytes now"),

@@ -46,6 +46,8 @@ absl::Status DigestMismatch(const std::string& expected,
 absl::Status QueueFull(std::int64_t queued_jobs, absl::Duration retry_after);
 absl::Status TenantQuota(const std::string& tenant, std::int64_t queued_jobs,
                          absl::Duration retry_after);
+absl::Status StorageQuota(const std::string& tenant, std::int64_t size_bytes,
+                          std::int64_t limit_bytes);
 absl::Status UploadQuota(std::int64_t size_bytes, absl::Duration retry_after);
 /// With the code of `problem`, which is UNAVAILABLE when the disk refuses.
 absl::Status StorageFailed(const absl::Status& problem);

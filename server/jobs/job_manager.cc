@@ -225,24 +225,38 @@ absl::StatusOr<JobRecord> JobManager::Store(JobRecord record,
 
 absl::Status JobManager::StoreInputs(const JobRecord& record,
                                      std::vector<JobInput> inputs) {
+  // What is there first, so that it does not make room for the others.
+  std::stable_partition(
+      inputs.begin(), inputs.end(),
+      [](const JobInput& input) { return !input.bytes.has_value(); });
   JobRecord done;
   done.tenant = record.tenant;
   for (JobInput& input : inputs) {
-    const BlobKey key = {record.tenant, input.sha256};
-    absl::Status status;
-    if (input.bytes) {
-      status = parts_.blobs->Put(key, *std::move(input.bytes), Keep::kPinned);
-      if (!status.ok()) status = StorageFailed(status);
-    } else if (!parts_.blobs->Pin(key)) {  // it went since it was read
-      status = MeshMissing("digest", input.sha256);
-    }
-    if (!status.ok()) {
+    if (absl::Status status = StoreInput(record.tenant, input); !status.ok()) {
       UnpinInputs(done);
       return status;
     }
     done.inputs.push_back(input.sha256);
   }
   return absl::OkStatus();
+}
+
+absl::Status JobManager::StoreInput(const std::string& tenant,
+                                    JobInput& input) {
+  const BlobKey key = {tenant, input.sha256};
+  if (!input.bytes) {
+    if (parts_.blobs->Pin(key)) return absl::OkStatus();
+    return MeshMissing("digest", input.sha256);  // it went since it was read
+  }
+  const auto size = static_cast<std::int64_t>(input.bytes->size());
+  if (limits_.max_bytes_per_tenant > 0 && !parts_.blobs->Has(key) &&
+      !parts_.blobs->MakeTenantRoom(tenant, size,
+                                    limits_.max_bytes_per_tenant)) {
+    return StorageQuota(tenant, size, limits_.max_bytes_per_tenant);
+  }
+  const absl::Status put =
+      parts_.blobs->Put(key, *std::move(input.bytes), Keep::kPinned);
+  return put.ok() ? put : StorageFailed(put);
 }
 
 void JobManager::Enqueue(const JobRecord& record) {

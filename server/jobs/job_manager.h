@@ -72,6 +72,9 @@ class JobManager {
     /// Jobs that wait, in all and of one tenant.
     int max_queued_jobs = 100;
     int max_queued_jobs_per_tenant = 100;
+    /// What one tenant may have stored, with the job that comes; 0 for no
+    /// limit. Results are stored in any case.
+    std::int64_t max_bytes_per_tenant = 0;
     /// Terminal jobs that are remembered, for how long, and the bytes of their
     /// results.
     int max_kept_jobs = 1000;
@@ -194,6 +197,7 @@ class JobManager {
                                   std::vector<JobInput> inputs);
   absl::Status StoreInputs(const JobRecord& record,
                            std::vector<JobInput> inputs);
+  absl::Status StoreInput(const std::string& tenant, JobInput& input);
   void Enqueue(const JobRecord& record);
 
   // One that was there before.

@@ -25,7 +25,7 @@ BlobIndex::Entry* BlobIndex::Touch(const BlobKey& key) {
 
 absl::StatusOr<std::list<BlobIndex::Entry>> BlobIndex::MakeRoom(
     std::int64_t bytes) {
-  std::vector<std::list<Entry>::iterator> victims;
+  Entries victims;
   std::int64_t free_bytes = capacity_bytes_ - size_bytes_;
   for (auto entry = entries_.end();
        entry != entries_.begin() && free_bytes < bytes;) {
@@ -39,6 +39,32 @@ absl::StatusOr<std::list<BlobIndex::Entry>> BlobIndex::MakeRoom(
         absl::StrCat("no room for ", bytes, " bytes beside ", size_bytes_,
                      " of ", capacity_bytes_));
   }
+  return TakeOut(victims);
+}
+
+absl::StatusOr<std::list<BlobIndex::Entry>> BlobIndex::MakeTenantRoom(
+    const std::string& tenant, std::int64_t bytes, std::int64_t limit) {
+  std::int64_t held_bytes = 0;
+  for (const Entry& entry : entries_) {
+    if (entry.key.tenant == tenant) held_bytes += entry.bytes;
+  }
+  Entries victims;
+  for (auto entry = entries_.end();
+       entry != entries_.begin() && held_bytes + bytes > limit;) {
+    --entry;
+    if (entry->key.tenant != tenant || !MayGo(*entry)) continue;
+    held_bytes -= entry->bytes;
+    victims.push_back(entry);
+  }
+  if (held_bytes + bytes > limit) {
+    return absl::ResourceExhaustedError(
+        absl::StrCat("no room for ", bytes, " bytes beside ", held_bytes,
+                     " of ", tenant, ", which may have ", limit));
+  }
+  return TakeOut(victims);
+}
+
+std::list<BlobIndex::Entry> BlobIndex::TakeOut(const Entries& victims) {
   std::list<Entry> evicted;
   for (const auto victim : victims) {
     size_bytes_ -= victim->bytes;

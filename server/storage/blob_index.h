@@ -41,6 +41,12 @@ class BlobIndex {
   /// they cannot; nothing is taken out then.
   absl::StatusOr<std::list<Entry>> MakeRoom(std::int64_t bytes);
 
+  /// The same of the tenant's entries, until its others and `bytes` more are at
+  /// most `limit`.
+  absl::StatusOr<std::list<Entry>> MakeTenantRoom(const std::string& tenant,
+                                                  std::int64_t bytes,
+                                                  std::int64_t limit);
+
   /// Adds an entry as the most recently used one.
   /// REQUIRES: the key is new.
   Entry& Add(Entry entry);
@@ -55,6 +61,10 @@ class BlobIndex {
   std::int64_t capacity_bytes() const { return capacity_bytes_; }
 
  private:
+  using Entries = std::vector<std::list<Entry>::iterator>;
+
+  std::list<Entry> TakeOut(const Entries& victims);
+
   const std::int64_t capacity_bytes_;
   /// Most recently used first.
   std::list<Entry> entries_;

@@ -125,11 +125,24 @@ absl::Status DirectoryBlobStore::TakeRoom(std::int64_t bytes) {
   ISOMATCH_ASSIGN_OR_RETURN(const std::list<BlobIndex::Entry> evicted,
                             index_.MakeRoom(arriving_bytes_ + bytes));
   arriving_bytes_ += bytes;
-  // Under the lock, so that a Put of the same content comes after it.
+  Unlink(evicted);
+  return absl::OkStatus();
+}
+
+bool DirectoryBlobStore::MakeTenantRoom(const std::string& tenant,
+                                        std::int64_t bytes,
+                                        std::int64_t limit) {
+  MutexLock lock(mutex_);
+  const auto evicted = index_.MakeTenantRoom(tenant, bytes, limit);
+  if (evicted.ok()) Unlink(*evicted);
+  return evicted.ok();
+}
+
+void DirectoryBlobStore::Unlink(
+    const std::list<BlobIndex::Entry>& evicted) const {
   for (const BlobIndex::Entry& entry : evicted) {
     unlink(PathOf(entry.key).c_str());
   }
-  return absl::OkStatus();
 }
 
 absl::Status DirectoryBlobStore::Write(const BlobKey& key,
@@ -183,7 +196,7 @@ void DirectoryBlobStore::Remove(const BlobKey& key) {
   const BlobIndex::Entry* entry = index_.Touch(key);
   if (entry == nullptr || entry->pins > 0) return;
   index_.Remove(key);
-  unlink(PathOf(key).c_str());  // under the lock, as in TakeRoom
+  unlink(PathOf(key).c_str());  // under the lock, as Unlink
 }
 
 bool DirectoryBlobStore::Has(const BlobKey& key) {

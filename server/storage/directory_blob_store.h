@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <list>
 #include <memory>
 #include <string>
 
@@ -45,6 +46,8 @@ class DirectoryBlobStore : public BlobStore {
   Blob Get(const BlobKey& key) override;
   void Remove(const BlobKey& key) override;
   bool Has(const BlobKey& key) override;
+  bool MakeTenantRoom(const std::string& tenant, std::int64_t bytes,
+                      std::int64_t limit) override;
   std::int64_t size_bytes() const override;
 
  private:
@@ -58,6 +61,10 @@ class DirectoryBlobStore : public BlobStore {
 
   /// Writes the file; its room has been made.
   absl::Status Write(const BlobKey& key, const std::string& bytes);
+
+  /// Under the lock, so that a Put of the same content comes after it.
+  void Unlink(const std::list<BlobIndex::Entry>& evicted) const
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   /// Makes room and counts the bytes as taken before they are written.
   absl::Status TakeRoom(std::int64_t bytes);

@@ -4,6 +4,7 @@
 #include <memory>
 #include <utility>
 
+#include "absl/status/statusor.h"
 #include "core/base/status_macros.h"
 
 namespace isomatch {
@@ -48,6 +49,16 @@ void MemoryBlobStore::Remove(const BlobKey& key) {
 bool MemoryBlobStore::Has(const BlobKey& key) {
   MutexLock lock(mutex_);
   return index_.Touch(key) != nullptr;
+}
+
+bool MemoryBlobStore::MakeTenantRoom(const std::string& tenant,
+                                     std::int64_t bytes, std::int64_t limit) {
+  // Declared first: freed after the lock.
+  absl::StatusOr<std::list<BlobIndex::Entry>> evicted =
+      std::list<BlobIndex::Entry>();
+  MutexLock lock(mutex_);
+  evicted = index_.MakeTenantRoom(tenant, bytes, limit);
+  return evicted.ok();
 }
 
 std::int64_t MemoryBlobStore::size_bytes() const {

@@ -53,6 +53,8 @@ TEST(ServerConfigTest, EveryRangeIsChecked) {
        [](auto& c) { c.max_mesh_bytes = 600 << 20; }},
       {"--max-queued-jobs-per-tenant = -1, expected 0 to 100000",
        [](auto& c) { c.max_queued_jobs_per_tenant = -1; }},
+      {"--max-bytes-per-tenant = -1, expected 0 to ",
+       [](auto& c) { c.max_bytes_per_tenant = -1; }},
       {"--job-retention = 1s, expected 1m to 87648h",
        [](auto& c) { c.job_retention = absl::Seconds(1); }},
       {"--drain-timeout = 25h, expected 0 to 24h",

@@ -77,6 +77,30 @@ TEST_F(JobManagerTest, OneTenantCannotFillTheQueue) {
   EXPECT_THAT(manager_->Create({.tenant = "other"}, Needing(1)), IsOk());
 }
 
+TEST_F(JobManagerTest, OneTenantCannotFillTheStore) {
+  Restart({.max_bytes_per_tenant = 100});
+  const auto with_input = [](char fill, std::size_t size) {
+    JobSpec spec = Needing(1);
+    std::string bytes(size, fill);
+    const std::string sha256 = Sha256Hex(bytes);
+    spec.inputs.push_back({sha256, std::move(bytes)});
+    return spec;
+  };
+  ASSERT_THAT(manager_->Create(caller_, with_input('a', 60)), IsOk());
+  const absl::Status refused =
+      manager_->Create(caller_, with_input('b', 60)).status();
+  EXPECT_THAT(refused, StatusIs(absl::StatusCode::kResourceExhausted, _));
+  EXPECT_EQ(ReasonOf(refused), "STORAGE_QUOTA");
+  // What is there already takes no more room; others have their own.
+  EXPECT_THAT(manager_->Create(caller_, with_input('a', 60)), IsOk());
+  EXPECT_THAT(manager_->Create({.tenant = "other"}, with_input('b', 60)),
+              IsOk());
+  // What no job needs any more gives way.
+  while (workers_.RunNext()) {
+  }
+  EXPECT_THAT(manager_->Create(caller_, with_input('b', 60)), IsOk());
+}
+
 TEST_F(JobManagerTest, APlaceIsTakenUntilItGoes) {
   Restart({.max_queued_jobs = 1});
   JobSpec spec = Needing(1);

@@ -172,6 +172,21 @@ TEST_F(UploadMeshTest, WhatUnfinishedUploadsMayHoldTogetherIsBounded) {
   open->Finish();
 }
 
+TEST_F(UploadMeshTest, ATenantsBytesAreBounded) {
+  ServerConfig config = TestConfig();
+  config.max_bytes_per_tenant = 1000;
+  Restart(config);
+  const std::string large(1001, 'x');
+  const CallError error = ErrorOf(Upload(DigestOf(large), {large}));
+  EXPECT_EQ(error.reason, "STORAGE_QUOTA");
+  EXPECT_FALSE(error.has_retry);
+  // Of two that fit alone, the unused one gives way.
+  for (const char fill : {'a', 'b'}) {
+    const std::string bytes(600, fill);
+    EXPECT_TRUE(Upload(DigestOf(bytes), {bytes}).ok());
+  }
+}
+
 TEST_F(UploadMeshTest, ACancelledUploadGoesOnWhereItWas) {
   const std::string bytes(100'000, 'x');
   // The bytes have to arrive before the client cancels.

@@ -89,6 +89,27 @@ TYPED_TEST(BlobStoreTest, WhatIsPinnedStays) {
   EXPECT_EQ(store.size_bytes(), 80);
 }
 
+TYPED_TEST(BlobStoreTest, ATenantsOwnUnusedBlobsMakeItsRoom) {
+  const auto owner = this->Make(1000);
+  BlobStore& store = *owner;
+  const BlobKey pinned = this->Put(store, 'a', 40, Keep::kPinned);
+  const BlobKey older = this->Put(store, 'b', 20, Keep::kWhileRoom);
+  const BlobKey newer = this->Put(store, 'c', 20, Keep::kWhileRoom);
+  const std::string foreign(300, 'd');
+  const BlobKey other = {"other", Sha256Hex(foreign)};
+  ASSERT_THAT(store.Put(other, foreign, Keep::kWhileRoom), IsOk());
+  EXPECT_TRUE(store.MakeTenantRoom("tenant", 20, 100));
+  EXPECT_EQ(store.size_bytes(), 380);
+  EXPECT_TRUE(store.MakeTenantRoom("tenant", 40, 100));
+  EXPECT_FALSE(store.Has(older));
+  EXPECT_TRUE(store.Has(newer));
+  EXPECT_FALSE(store.MakeTenantRoom("tenant", 61, 100));
+  EXPECT_TRUE(store.Has(newer));
+  EXPECT_TRUE(store.Has(pinned));
+  EXPECT_TRUE(store.Has(other));
+  EXPECT_EQ(store.size_bytes(), 360);
+}
+
 TYPED_TEST(BlobStoreTest, WhatACallerHoldsStaysWhole) {
   const auto owner = this->Make(100);
   BlobStore& store = *owner;
