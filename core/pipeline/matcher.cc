@@ -12,6 +12,7 @@
 #include "core/matching/matching.h"
 #include "core/pipeline/component_matching.h"
 #include "core/pipeline/match_run.h"
+#include "core/pipeline/matcher_functions.h"
 #include "core/pipeline/memory_plan.h"
 #include "core/pipeline/preparation.h"
 #include "core/pipeline/prepared_shape.h"
@@ -146,12 +147,12 @@ PreparationKey PreparationKey::Of(const MatchOptions& options) {
   return key;
 }
 
-absl::StatusOr<Correspondence> Match(const TriangleMesh& mesh_x,
-                                     const TriangleMesh& mesh_y,
-                                     absl::Span<const Landmark> landmarks,
-                                     const MatchOptions& options,
-                                     const ProgressCallback& progress,
-                                     std::stop_token stop) {
+absl::StatusOr<Correspondence> MatchHere(const TriangleMesh& mesh_x,
+                                         const TriangleMesh& mesh_y,
+                                         absl::Span<const Landmark> landmarks,
+                                         const MatchOptions& options,
+                                         const ProgressCallback& progress,
+                                         std::stop_token stop) {
   ISOMATCH_RETURN_IF_ERROR(options.Validate());
   ISOMATCH_RETURN_IF_ERROR(ValidateMesh(mesh_x, "mesh_x"));
   ISOMATCH_RETURN_IF_ERROR(ValidateMesh(mesh_y, "mesh_y"));
@@ -173,10 +174,10 @@ absl::StatusOr<Correspondence> Match(const TriangleMesh& mesh_x,
   return result;
 }
 
-absl::StatusOr<PreparedShape> Prepare(TriangleMesh mesh,
-                                      const MatchOptions& options,
-                                      const ProgressCallback& progress,
-                                      std::stop_token stop) {
+absl::StatusOr<PreparedShape> PrepareHere(TriangleMesh mesh,
+                                          const MatchOptions& options,
+                                          const ProgressCallback& progress,
+                                          std::stop_token stop) {
   ISOMATCH_RETURN_IF_ERROR(options.Validate());
   ISOMATCH_RETURN_IF_ERROR(ValidateMesh(mesh, "mesh"));
   const ShapeContents shape = NewContents(std::move(mesh), options);
@@ -185,11 +186,11 @@ absl::StatusOr<PreparedShape> Prepare(TriangleMesh mesh,
   return PreparedShape(shape);
 }
 
-absl::StatusOr<PreparedPair> PrepareBoth(TriangleMesh mesh_x,
-                                         TriangleMesh mesh_y,
-                                         const MatchOptions& options,
-                                         const ProgressCallback& progress,
-                                         std::stop_token stop) {
+absl::StatusOr<PreparedPair> PrepareBothHere(TriangleMesh mesh_x,
+                                             TriangleMesh mesh_y,
+                                             const MatchOptions& options,
+                                             const ProgressCallback& progress,
+                                             std::stop_token stop) {
   ISOMATCH_RETURN_IF_ERROR(options.Validate());
   ISOMATCH_RETURN_IF_ERROR(ValidateMesh(mesh_x, "mesh_x"));
   ISOMATCH_RETURN_IF_ERROR(ValidateMesh(mesh_y, "mesh_y"));
@@ -228,7 +229,7 @@ std::int64_t PreparedShapeBytes(const PreparedShape& shape) {
          bytes(prepared.descriptors.columns.size(), sizeof(float));
 }
 
-absl::StatusOr<Correspondence> MatchPrepared(
+absl::StatusOr<Correspondence> MatchPreparedHere(
     const PreparedShape& x, const PreparedShape& y,
     absl::Span<const Landmark> landmarks, const MatchOptions& options,
     const ProgressCallback& progress, std::stop_token stop) {
@@ -240,7 +241,8 @@ absl::StatusOr<Correspondence> MatchPrepared(
   ISOMATCH_RETURN_IF_ERROR(CheckSameKey("mesh_y", own_y.key, key));
   if (options.match_components &&
       (own_x.large_components > 1 || own_y.large_components > 1)) {
-    return Match(own_x.mesh, own_y.mesh, landmarks, options, progress, stop);
+    return MatchHere(own_x.mesh, own_y.mesh, landmarks, options, progress,
+                     stop);
   }
   ISOMATCH_RETURN_IF_ERROR(ValidateLandmarks(
       landmarks, own_x.mesh.num_vertices(), own_y.mesh.num_vertices()));
@@ -258,3 +260,10 @@ absl::StatusOr<Correspondence> MatchPrepared(
 }
 
 }  // namespace isomatch
+
+const isomatch::MatcherFunctions* ISOMATCH_MATCHER_FUNCTIONS() {
+  static constexpr isomatch::MatcherFunctions kFunctions = {
+      isomatch::MatchHere, isomatch::PrepareHere, isomatch::PrepareBothHere,
+      isomatch::MatchPreparedHere, isomatch::ParsePreparedShapeHere};
+  return &kFunctions;
+}

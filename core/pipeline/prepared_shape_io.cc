@@ -16,6 +16,7 @@
 #include "core/base/version.h"
 #include "core/descriptor/shot_descriptor.h"
 #include "core/pipeline/component_matching.h"
+#include "core/pipeline/matcher_functions.h"
 #include "core/pipeline/prepared_shape.h"
 
 // Layout, in the order of bytes of x86 and ARM: the magic with the version of
@@ -255,8 +256,8 @@ std::string SerializePreparedShape(const PreparedShape& shape) {
   return absl::StrCat(Magic(), checksum.Take(), payload);
 }
 
-absl::StatusOr<PreparedShape> ParsePreparedShape(absl::string_view bytes,
-                                                 std::stop_token stop) {
+absl::StatusOr<PreparedShape> ParsePreparedShapeHere(absl::string_view bytes,
+                                                     std::stop_token stop) {
   const std::string magic = Magic();
   if (bytes.substr(0, magic.size()) != magic) {
     return absl::DataLossError(

@@ -4,6 +4,7 @@
 
 #include <CLI/CLI.hpp>
 
+#include "core/pipeline/instruction_set.h"
 #include "tests/bench/accuracy.h"
 #include "tests/bench/option_overrides.h"
 #include "tests/bench/service_bench.h"
@@ -21,6 +22,7 @@ struct Arguments {
   std::string profile = "default";
   std::string out;
   std::vector<std::string> settings;
+  std::string instruction_set = InstructionSet();
 };
 
 void AddMatchOptions(CLI::App* command, Arguments* arguments) {
@@ -29,6 +31,11 @@ void AddMatchOptions(CLI::App* command, Arguments* arguments) {
       ->capture_default_str();
   command->add_option("--set", arguments->settings,
                       "Another value of an option: name=number, repeatable");
+  command
+      ->add_option("--instruction-set", arguments->instruction_set,
+                   "What the method runs on, kernels apart")
+      ->check(CLI::IsMember(InstructionSets()))
+      ->capture_default_str();
   command->add_option("--threads", arguments->threads, "0: one for each core")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();
@@ -113,6 +120,10 @@ absl::Status Run(const Arguments& arguments, Command command) {
     return status;
   }
   options.threads = arguments.threads;
+  if (const absl::Status status = UseInstructionSet(arguments.instruction_set);
+      !status.ok()) {
+    return status;
+  }
   if (command == Command::kAblation) {
     return RunAblation(arguments.pairs, options);
   }

@@ -15,6 +15,7 @@
 #include "core/base/status_macros.h"
 #include "core/evaluation/geodesic_error.h"
 #include "core/geodesic/basis_points.h"
+#include "core/pipeline/instruction_set.h"
 #include "core/pipeline/matcher.h"
 #include "core/pipeline/prepared_mesh.h"
 #include "tests/bench/kernels.h"
@@ -287,10 +288,10 @@ absl::Status RunSpeed(const SpeedSelection& selection,
                       const MatchOptions& options,
                       const std::string& out_path) {
   std::printf(
-      "profile %s, %s threads, median of %d runs\n",
+      "profile %s, %s threads, instruction set %s, median of %d runs\n",
       ProfileName(options.profile),
       options.threads == 0 ? "all" : std::to_string(options.threads).c_str(),
-      selection.runs);
+      InstructionSet().c_str(), selection.runs);
   std::vector<PairCost> costs;
   ISOMATCH_RETURN_IF_ERROR(MeasureAll(selection, options, &costs));
   const double time =
@@ -304,6 +305,7 @@ absl::Status RunSpeed(const SpeedSelection& selection,
   }
   nlohmann::json report = {{"profile", ProfileName(options.profile)},
                            {"threads", options.threads},
+                           {"instruction_set", InstructionSet()},
                            {"runs", selection.runs},
                            {"time_exponent", time},
                            {"memory_exponent", memory},
