@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import unittest
 
+import numpy as np
 import readme_test
 import support
 
@@ -94,6 +95,37 @@ class CppTest(unittest.TestCase):
         pairs.write_text("7 900\n")
         _, said = self.run_example("landmarks", *support.pair(), pairs, status=1)
         self.assertIn("line 1", said)
+
+    def test_template_to_many(self):
+        folder = FOLDER / "many"
+        folder.mkdir()
+        x, y = support.pair()
+        broken = FOLDER / "broken.off"
+        broken.write_text("OFF\n3 1 0\n")
+        printed, said = self.run_example("template_to_many", x, folder, y, broken, x, status=1)
+        self.assertEqual((folder / f"{y.stem}.txt").read_bytes(), support.map_of_command_line(x, y))
+        # To itself: nearly all vertices stay.
+        own = [int(line) for line in (folder / f"{x.stem}.txt").read_text().split()]
+        self.assertGreater(sum(i == vertex for i, vertex in enumerate(own)), 0.95 * len(own))
+        self.assertIn(f"{y.stem:20} distortion 0.0", printed)
+        self.assertIn("broken: ", said)
+        self.assertEqual(len(list(folder.iterdir())), 2)
+
+    def test_transfer_texture(self):
+        x, y = support.pair()
+        output = FOLDER / "striped.off"
+        printed, _ = self.run_example("transfer_texture", x, y, output)
+        self.assertIn(f"{output}: 1000 vertices with the colours of {y}", printed)
+        magic, counts, *lines = output.read_text().splitlines()
+        self.assertEqual((magic, counts.split()[0]), ("COFF", "1000"))
+        # As the vertices of Y are striped that the truth names, but at the seams.
+        vertices, _ = isomatch.read_mesh(y)
+        low, span = vertices.min(axis=0), np.ptp(vertices, axis=0)
+        along = ((vertices - low) / span)[:, span.argmax()]
+        wanted = (12 * along[support.truth()]).astype(int) % 3
+        colours = [line.split()[3:6] for line in lines[:1000]]
+        striped = [["230 80 60", "250 220 120", "60 110 180"].index(" ".join(c)) for c in colours]
+        self.assertGreater(np.mean(wanted == striped), 0.85)
 
     def test_watch_from_another_process(self):
         name = "watch_from_another_process"
