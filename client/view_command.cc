@@ -17,6 +17,7 @@
 #include "client/mesh_file.h"
 #include "client/part_files.h"
 #include "client/text_file.h"
+#include "client/vertex_colors.h"
 #include "client/viewer/figures.h"
 #include "client/viewer/image.h"
 #include "client/viewer/layers.h"
@@ -45,6 +46,7 @@ Examples:
   isomatch view X.off Y.off map.txt -o report.html --report report.json \
     --confidence confidence.txt --truth truth.txt
   isomatch view X.off Y.off map.txt --png picture.png --pattern checker
+  isomatch view X_colored.ply Y.ply map.txt --png transfer.png --file-colours
   isomatch view X.off Y.off map.txt --png error.png --layer error \
     --truth truth.txt --size 2400x1200 --up z)";
 
@@ -64,6 +66,7 @@ struct ViewArguments {
   std::string truth;
   std::string report;
   std::string title;
+  bool file_colours = false;
 };
 
 absl::Status CheckOutputs(const ViewArguments& arguments) {
@@ -85,6 +88,11 @@ absl::Status CheckOutputs(const ViewArguments& arguments) {
 }
 
 absl::Status CheckLayer(const ViewArguments& arguments) {
+  if (arguments.file_colours &&
+      (!arguments.page.empty() || arguments.layer != kColours)) {
+    return absl::InvalidArgumentError(
+        "--file-colours: is for --png alone, without --output and --layer");
+  }
   if (arguments.layer == "confidence" && arguments.confidence.empty()) {
     return absl::InvalidArgumentError(
         "--layer confidence: needs --confidence FILE");
@@ -172,6 +180,23 @@ absl::Status AddReport(const std::string& path, PairView& view) {
   return absl::OkStatus();
 }
 
+absl::StatusOr<std::vector<Rgb>> FileColours(const std::string& path,
+                                             const std::string& field,
+                                             VertexIndex vertices) {
+  ISOMATCH_ASSIGN_OR_RETURN(const std::optional<Colors> colors,
+                            ReadVertexColors(path, vertices));
+  if (!colors) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(field, ": '", path,
+                     "' has no vertex colours, which --file-colours shows"));
+  }
+  std::vector<Rgb> bytes;
+  for (Eigen::Index v = 0; v < colors->rows(); ++v) {
+    bytes.push_back(ColorBytes(colors->row(v)));
+  }
+  return bytes;
+}
+
 /// Reads and measures all that is shown.
 absl::StatusOr<PairView> Load(const ViewArguments& arguments,
                               const Terminal& terminal) {
@@ -188,6 +213,12 @@ absl::StatusOr<PairView> Load(const ViewArguments& arguments,
                    ? absl::StrCat(view.x.name, " \u2192 ", view.y.name)
                    : arguments.title;
   view.colours_y = PlaceColours(mesh_y.positions);
+  if (arguments.file_colours) {
+    ISOMATCH_ASSIGN_OR_RETURN(
+        view.colours_x, FileColours(arguments.x, "X", mesh_x.num_vertices()));
+    ISOMATCH_ASSIGN_OR_RETURN(
+        view.colours_y, FileColours(arguments.y, "Y", mesh_y.num_vertices()));
+  }
   view.rotation = ViewRotation(mesh_x, mesh_y, UpAxis(arguments.up));
   // A report repeats the meshes' warnings.
   view.warnings = std::move(warnings);
@@ -250,6 +281,9 @@ void AddAppearance(CLI::App& command, ViewArguments& arguments) {
                   "Drawn on Y by place and carried to X")
       ->check(CLI::IsMember({"plain", "stripes", "checker"}))
       ->capture_default_str();
+  command.add_flag("--file-colours", arguments.file_colours,
+                   "In the picture: the vertex colours that the files of X and "
+                   "Y have, e.g. after `isomatch transfer`");
   command
       .add_option("--up", arguments.up,
                   "Axis of the files that points upwards: x, y or z; by "

@@ -91,6 +91,7 @@ std::vector<float> CarryToY(absl::Span<const float> on_x,
 }
 
 std::vector<Rgb> ColoursOfX(const PairView& view) {
+  if (view.colours_x) return *view.colours_x;
   std::vector<Rgb> colours;
   colours.reserve(view.y_from_x.size());
   for (const VertexIndex y : view.y_from_x) {

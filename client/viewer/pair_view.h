@@ -48,6 +48,8 @@ struct PairView {
   NamedMesh y;
   VertexMap y_from_x;
   std::vector<Rgb> colours_y;
+  /// X's own, in pictures; not set: each vertex has the colour of its image.
+  std::optional<std::vector<Rgb>> colours_x;
   std::vector<ScalarLayer> layers;
   /// Rows lead right, up and to the viewer, in the axes of the files.
   Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
@@ -72,7 +74,7 @@ std::vector<float> CarryToY(absl::Span<const float> on_x,
                             absl::Span<const VertexIndex> y_from_x,
                             const TriangleMesh& mesh_y);
 
-/// The colour of a vertex of X is the one of its image.
+/// colours_x, else those of the images.
 std::vector<Rgb> ColoursOfX(const PairView& view);
 
 /// The colours of a layer; kGrey where it has no number.

@@ -92,7 +92,42 @@ TEST_F(ViewCommandTest, ShowsConfidenceErrorAndReport) {
   }
 }
 
+/// A mesh of three coloured vertices.
+std::string ColouredTriangle(const std::string& colour) {
+  std::string lines = "COFF\n3 1 0\n";
+  for (const char* place : {"0 0 0 ", "1 0 0 ", "0 1 0 "}) {
+    lines += place + colour + "\n";
+  }
+  return lines + "3 0 1 2\n";
+}
+
+TEST_F(ViewCommandTest, ShowsTheColoursOfTheFiles) {
+  const std::string map = folder_.Write("three.txt", "0\n1\n2\n");
+  const std::string blue =
+      folder_.Write("blue.off", ColouredTriangle("0 0 255 255"));
+  std::vector<std::string> pictures;
+  for (const char* colour : {"255 0 0 255", "0 255 0 255"}) {
+    const std::string x = folder_.Write("x.off", ColouredTriangle(colour));
+    for (const bool own : {false, true}) {
+      std::vector<std::string> arguments = {"view", x,       blue,
+                                            map,    "--png", png_};
+      if (own) arguments.emplace_back("--file-colours");
+      const CommandOutcome outcome = RunIsomatch(arguments);
+      ASSERT_EQ(outcome.status, kExitSuccess) << outcome.err;
+      pictures.push_back(ReadFile(png_, "a picture").value());
+    }
+  }
+  EXPECT_EQ(pictures[0], pictures[2]);
+  EXPECT_NE(pictures[1], pictures[0]);
+  EXPECT_NE(pictures[1], pictures[3]);
+}
+
 TEST_F(ViewCommandTest, WrongUsageNamesTheOption) {
+  ExpectUsageError({"--png", png_, "--file-colours"},
+                   "X: '" + x_ + "' has no vertex colours");
+  ExpectUsageError({"--png", png_, "-o", page_, "--file-colours"},
+                   "--file-colours: is for --png alone");
+
   ExpectUsageError({}, "expected --output PAGE.html or --png PICTURE.png");
   ExpectUsageError({"-o", page_, "--png", page_}, "is the file of --output");
   ExpectUsageError({"-o", folder_.Path("no/page.html")}, "there is no folder");
