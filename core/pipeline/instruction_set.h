@@ -9,9 +9,8 @@
 namespace isomatch {
 
 /// The instruction sets that the core was compiled for and this processor has,
-/// best first: "x86-64-v4" (AVX-512), "x86-64-v3" (AVX2 and FMA), "baseline".
-/// Never empty; one alone in builds for it (ISOMATCH_MARCH). The names are
-/// those of the x86-64 psABI.
+/// best first: "x86-64-v3" (AVX2 and FMA; a name of the x86-64 psABI) and
+/// "baseline". Never empty; one alone in builds for it (ISOMATCH_MARCH).
 std::vector<std::string> InstructionSets();
 
 /// The one that Match and the others of pipeline/matcher.h run on: the best,

@@ -13,8 +13,6 @@
 #ifdef ISOMATCH_DISPATCH
 extern "C" const isomatch::MatcherFunctions*
 isomatch_matcher_functions_x86_64_v3();
-extern "C" const isomatch::MatcherFunctions*
-isomatch_matcher_functions_x86_64_v4();
 #endif
 
 namespace isomatch {
@@ -29,9 +27,6 @@ std::vector<Variant> FindVariants() {
   std::vector<Variant> variants;
 #ifdef ISOMATCH_DISPATCH
   __builtin_cpu_init();
-  if (__builtin_cpu_supports("x86-64-v4")) {
-    variants.push_back({"x86-64-v4", isomatch_matcher_functions_x86_64_v4()});
-  }
   if (__builtin_cpu_supports("x86-64-v3")) {
     variants.push_back({"x86-64-v3", isomatch_matcher_functions_x86_64_v3()});
   }

@@ -98,8 +98,8 @@ ShapeBytes BytesOf(MeshSize mesh, std::int64_t num_landmarks,
   // Two alignments at once: the best yet and the one under judgement.
   const double alignments = options.alignment_rounds > 0 ? 2 : 0;
   bytes.features = alignments * 4 * n * (count + 6);
-  bytes.surface = alignments * (1200 * n + 40 * m +
-                                12 * n * 3 * std::log2(std::max(n, 2.0)));
+  bytes.surface = alignments *
+                  (700 * n + 40 * m + 12 * n * 3 * std::log2(std::max(n, 2.0)));
   return bytes;
 }
 

@@ -50,6 +50,7 @@ struct PairCost {
   RunCost run;
   double estimate_bytes = 0;
   double prepared_seconds = 0;
+  double prepared_bytes = 0;  ///< beyond the prepared shapes, of the first run
   double error = 0;
 };
 
@@ -145,9 +146,11 @@ absl::StatusOr<PairCost> MeasurePair(const MeshPair& pair, int runs,
   ISOMATCH_ASSIGN_OR_RETURN(const PreparedShape y,
                             Prepare(pair.mesh_y, options));
   for (int run = 0; run < runs; ++run) {
+    const MemoryGrowth grown;
     const double begin = WallSeconds();
     ISOMATCH_RETURN_IF_ERROR(MatchPrepared(x, y, {}, options).status());
     prepared_seconds.push_back(WallSeconds() - begin);
+    if (run == 0) cost.prepared_bytes = double(grown.Bytes());
   }
   cost.prepared_seconds = MedianOf(std::move(prepared_seconds));
   ISOMATCH_ASSIGN_OR_RETURN(
@@ -178,11 +181,11 @@ double UnitsOf(Stage stage, const PairCost& cost, const MatchOptions& options) {
 void PrintPair(const PairCost& cost, const MatchOptions& options) {
   std::printf(
       "\n%s, %d vertices: %.2f s (processor %.2f), with both prepared "
-      "%.2f s\n  peak %.0f MB, estimate %.0f MB (%.2f x), error / "
+      "%.2f s and %.0f MB\n  peak %.0f MB, estimate %.0f MB (%.2f x), error / "
       "diameter %.4f\n",
       cost.name.c_str(), cost.vertices, cost.run.wall, cost.run.cpu,
-      cost.prepared_seconds, cost.run.peak_bytes / kMegabyte,
-      cost.estimate_bytes / kMegabyte,
+      cost.prepared_seconds, cost.prepared_bytes / kMegabyte,
+      cost.run.peak_bytes / kMegabyte, cost.estimate_bytes / kMegabyte,
       cost.estimate_bytes / cost.run.peak_bytes, cost.error);
   std::printf("  %-18s %9s %9s %12s  %s\n", "stage", "wall s", "cpu s",
               "peak so far", "ns a unit of work");
@@ -227,6 +230,7 @@ nlohmann::json ToJson(const PairCost& cost) {
           {"wall_seconds", cost.run.wall},
           {"cpu_seconds", cost.run.cpu},
           {"prepared_wall_seconds", cost.prepared_seconds},
+          {"prepared_bytes", cost.prepared_bytes},
           {"peak_bytes", cost.run.peak_bytes},
           {"estimate_bytes", cost.estimate_bytes},
           {"error_over_diameter", cost.error},
