@@ -33,6 +33,11 @@ bool IsFull(const absl::Status& status) {
          absl::StrContains(status.message(), "(TENANT_QUOTA)");
 }
 
+// What the jobs of this batch need takes all that the tenant may store.
+bool IsOverQuota(const absl::Status& status) {
+  return absl::StrContains(status.message(), "(STORAGE_QUOTA)");
+}
+
 // No other pair would do better.
 bool EndsTheBatch(const absl::Status& status) {
   return absl::IsUnavailable(status) || absl::IsUnauthenticated(status) ||
@@ -145,10 +150,16 @@ absl::Status BatchRunner::Match(const BatchPair& pair, std::size_t index,
   absl::StatusOr<MatchResult> result;
   do {
     result = client_->Match(request, on_change, stop);
-  } while (IsFull(result.status()) &&
+  } while ((IsFull(result.status()) ||
+            (IsOverQuota(result.status()) && OthersRun())) &&
            backoff.Again(absl::UnavailableError("the queue is full")));
   ISOMATCH_RETURN_IF_ERROR(result.status());
   return record->Save(*result, warnings);
+}
+
+bool BatchRunner::OthersRun() {
+  const std::lock_guard lock(mutex_);
+  return progress_.running > 1;
 }
 
 void BatchRunner::SetEnded(std::size_t index, BatchRow row,

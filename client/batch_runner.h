@@ -67,6 +67,8 @@ class BatchRunner {
                      BatchRecord* record, const std::stop_token& stop);
   void SetEnded(std::size_t index, BatchRow row, const absl::Status& status,
                 const std::stop_token& stop);
+  // Whether another pair is being matched, too.
+  bool OthersRun();
   // REQUIRES: mutex_ is held.
   void Tell();
 

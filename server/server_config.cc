@@ -132,13 +132,17 @@ absl::Status ServerConfig::Validate() const {
   ISOMATCH_RETURN_IF_ERROR(CheckCount("--max-queued-jobs-per-tenant",
                                       max_queued_jobs_per_tenant,
                                       kMaxQueuedJobsPerTenant));
-  ISOMATCH_RETURN_IF_ERROR(CheckBytes("--max-bytes-per-tenant",
-                                      max_bytes_per_tenant, kMaxTenantBytes));
   ISOMATCH_RETURN_IF_ERROR(CheckBytesOfHalf("--max-request-bytes",
                                             max_request_bytes, kMaxRequestBytes,
                                             blob_store_bytes));
   ISOMATCH_RETURN_IF_ERROR(CheckBytesOfHalf("--max-mesh-bytes", max_mesh_bytes,
                                             kMaxMeshBytes, blob_store_bytes));
+  if (max_bytes_per_tenant != 0) {
+    // Both meshes of a job, and its request.
+    ISOMATCH_RETURN_IF_ERROR(CheckBytes(
+        "--max-bytes-per-tenant", max_bytes_per_tenant,
+        {2 * max_mesh_bytes + max_request_bytes, kMaxTenantBytes.most}));
+  }
   ISOMATCH_RETURN_IF_ERROR(
       CheckCount("--max-kept-jobs", max_kept_jobs, kMaxKeptJobs));
   ISOMATCH_RETURN_IF_ERROR(

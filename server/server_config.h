@@ -78,7 +78,7 @@ struct ServerConfig {
   static constexpr IntRange kMaxQueuedJobsPerTenant = {0, 100'000};
   int max_queued_jobs_per_tenant = 0;
   /// Bytes of one tenant's meshes, requests and results; 0 for no limit of its
-  /// own.
+  /// own, else room for one job at least: 2 max_mesh_bytes + max_request_bytes.
   static constexpr IntRange kMaxTenantBytes = {0, std::int64_t{1} << 50};
   std::int64_t max_bytes_per_tenant = 0;
   /// One request message. At most blob_store_bytes / 2.

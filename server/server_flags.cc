@@ -164,7 +164,8 @@ void AddLimitFlags(FlagSet& flags, ServerConfig& config) {
       "--max-bytes-per-tenant", config.max_bytes_per_tenant,
       ServerConfig::kMaxTenantBytes,
       "Meshes, requests and results of one tenant, STORAGE_QUOTA for "
-      "what comes on top; 0 for no limit of its own");
+      "what comes on top; 0 for no limit of its own, else at "
+      "least twice --max-mesh-bytes and --max-request-bytes");
   flags.AddCount("--max-kept-jobs", config.max_kept_jobs,
                  ServerConfig::kMaxKeptJobs,
                  "Ended jobs that are remembered; the oldest go first");

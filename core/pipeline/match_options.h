@@ -133,9 +133,11 @@ struct MatchOptions {
 
   /// Threads; 0 means one for each core.
   int threads = 0;
-  /// Match takes at most this many bytes beyond the two meshes: it uses fewer
-  /// threads, then solves on fewer vertices (PlanWithinMemory), which changes
-  /// the result and is a warning in it, or refuses. 0 for no limit.
+  /// Match takes at most this many bytes beyond the two meshes, as far as
+  /// EstimateMemoryBytes holds: it uses fewer threads, then solves on fewer
+  /// vertices (PlanWithinMemory), which changes the result and is a warning in
+  /// it, or refuses. 0 for no limit. MatchPrepared takes shapes as they are and
+  /// ignores it.
   std::int64_t memory_limit_bytes = 0;
   /// Keeps the map after each stage in Correspondence::stage_maps.
   bool keep_stage_maps = false;

@@ -11,6 +11,7 @@
 #include "core/base/status_macros.h"
 #include "core/matching/matching.h"
 #include "core/pipeline/component_matching.h"
+#include "core/pipeline/instruction_set.h"
 #include "core/pipeline/match_run.h"
 #include "core/pipeline/matcher_functions.h"
 #include "core/pipeline/memory_plan.h"
@@ -202,9 +203,9 @@ absl::StatusOr<PreparedPair> PrepareBothHere(TriangleMesh mesh_x,
 
 std::string PreparationText(const MatchOptions& options) {
   const PreparationKey key = PreparationKey::Of(options);
-  return absl::StrCat(key.solved_vertices, " ", key.pool_size, " ",
-                      key.eigenpairs, " ", key.curvature_radius, " ",
-                      key.descriptor_radius);
+  return absl::StrCat(InstructionSet(), " ", key.solved_vertices, " ",
+                      key.pool_size, " ", key.eigenpairs, " ",
+                      key.curvature_radius, " ", key.descriptor_radius);
 }
 
 std::int64_t PreparedShapeBytes(const PreparedShape& shape) {

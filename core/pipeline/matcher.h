@@ -219,7 +219,8 @@ absl::StatusOr<PreparedPair> PrepareBoth(TriangleMesh mesh_x,
                                          const ProgressCallback& progress = {},
                                          std::stop_token stop = {});
 
-/// Returns a short text, equal for options for which shapes are prepared alike.
+/// Returns a short text, equal for options for which shapes are prepared alike,
+/// to the last digit.
 std::string PreparationText(const MatchOptions& options);
 
 /// Returns an upper bound on the bytes the shape holds, its mesh included.

@@ -1,6 +1,7 @@
 #include "core/pipeline/memory_plan.h"
 
 #include <algorithm>
+#include <limits>
 #include <thread>
 
 #include "absl/strings/str_cat.h"
@@ -24,7 +25,10 @@ class Estimates {
 
   std::int64_t WithThreads(MatchOptions options, int threads) const {
     options.threads = threads;
-    return held_bytes_ + EstimateMemoryBytes(x_, y_, num_landmarks_, options);
+    const std::int64_t own =
+        EstimateMemoryBytes(x_, y_, num_landmarks_, options);
+    constexpr std::int64_t kMost = std::numeric_limits<std::int64_t>::max();
+    return own + std::min(held_bytes_, kMost - own);
   }
 
   std::int64_t Solving(std::int64_t vertices) const {

@@ -31,12 +31,6 @@ absl::Status MeshUpload::Begin(const v1::UploadMeshRequest& request) {
   digest_ = request.header();
   key_.sha256 = digest_.sha256();
   known_ = parts_.blobs->Has(key_);
-  const auto size = static_cast<std::int64_t>(digest_.size_bytes());
-  const std::int64_t limit = parts_.limits.max_bytes_per_tenant;
-  if (!known_ && limit > 0 &&
-      !parts_.blobs->MakeTenantRoom(key_.tenant, size, limit)) {
-    return StorageQuota(key_.tenant, size, limit);
-  }
   stage_ = known_ ? Stage::kOver : Stage::kReceiving;
   return known_ ? absl::OkStatus() : ContinueAt(request.offset());
 }
@@ -100,12 +94,16 @@ absl::Status MeshUpload::End() {
 absl::Status MeshUpload::Store() {
   const std::string found = sha256_.HexDigest();
   if (found != key_.sha256) return DigestMismatch(key_.sha256, found);
+  const auto size = static_cast<std::int64_t>(digest_.size_bytes());
+  const std::int64_t limit = parts_.limits.max_bytes_per_tenant;
+  if (limit > 0 && !parts_.blobs->MakeTenantRoom(key_.tenant, size, limit)) {
+    return StorageQuota(key_.tenant, size, limit);
+  }
   const absl::Status put =
       parts_.blobs->Put(key_, std::move(received_.bytes), Keep::kWhileRoom);
   if (put.ok()) return put;
   if (!absl::IsResourceExhausted(put)) return StorageFailed(put);
-  return UploadQuota(static_cast<std::int64_t>(digest_.size_bytes()),
-                     kRetryUploadQuota);
+  return UploadQuota(size, kRetryUploadQuota);
 }
 
 void MeshUpload::BreakOff() {

@@ -35,12 +35,12 @@ class MeshUpload {
       : parts_(parts), key_{tenant, ""} {}
 
   /// Takes the next message. INVALID_ARGUMENT (UPLOAD_MALFORMED,
-  /// MESH_TOO_LARGE, INVALID_FIELD), RESOURCE_EXHAUSTED (UPLOAD_QUOTA,
-  /// STORAGE_QUOTA).
+  /// MESH_TOO_LARGE, INVALID_FIELD), RESOURCE_EXHAUSTED (UPLOAD_QUOTA).
   absl::Status Take(const v1::UploadMeshRequest& request);
 
   /// Checks size and digest and stores the mesh. INVALID_ARGUMENT
-  /// (UPLOAD_MALFORMED, DIGEST_MISMATCH), RESOURCE_EXHAUSTED (UPLOAD_QUOTA).
+  /// (UPLOAD_MALFORMED, DIGEST_MISMATCH), RESOURCE_EXHAUSTED (UPLOAD_QUOTA,
+  /// STORAGE_QUOTA).
   absl::Status End();
 
   /// Keeps the bytes of an upload that goes on later; nothing when it is over.

@@ -161,11 +161,19 @@ std::int64_t JobRunner::EstimateBytes(const JobSpec& spec) const {
 
 absl::Status JobRunner::PlanMemory(JobSpec& spec) const {
   if (spec.options.memory_limit_bytes == 0) return absl::OkStatus();
+  // As with the cache, whether there is one now or not: a job that is loaded
+  // again after a restart is to get the same plan.
+  const std::int64_t held =
+      MeshBytes(spec) +
+      (engine_.estimate_prepared_extra
+           ? engine_.estimate_prepared_extra(SizeOf(spec.mesh_x),
+                                             SizeOf(spec.mesh_y), spec.options)
+           : 0);
   ISOMATCH_ASSIGN_OR_RETURN(
       MemoryPlan plan,
       engine_.plan(SizeOf(spec.mesh_x), SizeOf(spec.mesh_y),
                    static_cast<std::int64_t>(spec.landmarks.size()),
-                   spec.options, HeldBytes(spec)));
+                   spec.options, held));
   spec.options = std::move(plan.options);
   spec.warnings.insert(spec.warnings.end(), plan.warnings.begin(),
                        plan.warnings.end());

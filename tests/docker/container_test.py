@@ -45,6 +45,24 @@ class ImageTest(unittest.TestCase):
         self.assertIn("--timeout=5s", options)  # --health itself takes 2 s at most
         self.assertEqual([json.loads(entry) for entry in image["ENTRYPOINT"]], [HEALTH[:1]])
 
+    def test_what_cmake_configures_is_in_the_build(self):
+        copied = [
+            path
+            for line in (ROOT / "docker/Dockerfile").read_text().splitlines()
+            if line.startswith("COPY ")
+            for path in line.split()[1:-1]
+        ]
+        allowed = (ROOT / ".dockerignore").read_text().splitlines()
+        lists = (ROOT / "packaging/CMakeLists.txt").read_text()
+        sources = re.findall(r"configure_file\((\S+)", lists)
+        self.assertGreater(len(sources), 2)
+        for source in sources:
+            top = source.startswith("${PROJECT_SOURCE_DIR}/")
+            path = source.partition("/")[2] if top else f"packaging/{source}"
+            with self.subTest(path=path):
+                self.assertTrue(any(path == c or path.startswith(f"{c}/") for c in copied))
+                self.assertIn("!" + path.partition("/")[0], allowed)
+
     def test_build_packages_are_those_above_the_tests(self):
         lines = (ROOT / "docker/packages.txt").read_text().splitlines()
         above = lines[: lines.index("# tests")]

@@ -1,8 +1,9 @@
 // One template against many meshes: template_to_many TEMPLATE FOLDER MESH...
 //
 // Writes FOLDER/NAME.txt for each mesh NAME.off: its vertex for each vertex of
-// the template. All jobs are started at once and wait in the server's queue;
-// the template travels once, and the server prepares it once.
+// the template. All jobs are started at once and wait in the server's queue,
+// which has room for 100 unless it is told otherwise; the server prepares the
+// template once.
 //
 // ISOMATCH_SERVER=HOST:PORT names another server than 127.0.0.1:7443.
 
@@ -40,7 +41,7 @@ absl::StatusOr<v1::Job> Start(isomatch::IsomatchClient& client,
   absl::StatusOr<isomatch::LoadedMesh> target = isomatch::ReadMesh(path, "Y");
   if (!target.ok()) return target.status();
   isomatch::MatchRequest request;
-  request.mesh_x = mesh;  // sent with the first job only, named after that
+  request.mesh_x = mesh;  // a large one is sent once, and named after that
   request.mesh_y = std::move(target->mesh);
   return client.Submit(request);
 }

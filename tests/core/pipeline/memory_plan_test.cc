@@ -1,6 +1,7 @@
 #include "core/pipeline/memory_plan.h"
 
 #include <cstdint>
+#include <limits>
 #include <string>
 
 #include <gtest/gtest.h>
@@ -105,6 +106,13 @@ TEST_P(MemoryPlanTest, TheErrorSaysWhatWouldDo) {
   EXPECT_FALSE(
       PlanWithinMemory(kLarge, kLarge, 0, Limited(GetParam(), least - 1), 500)
           .ok());
+}
+
+TEST_P(MemoryPlanTest, HostileSizesDoNotWrapAround) {
+  constexpr std::int64_t kHuge = std::numeric_limits<std::int64_t>::max();
+  EXPECT_FALSE(PlanWithinMemory({kHuge, kHuge}, kLarge, 0,
+                                Limited(GetParam(), 1'000'000), kHuge)
+                   .ok());
 }
 
 INSTANTIATE_TEST_SUITE_P(Profiles, MemoryPlanTest,

@@ -174,17 +174,19 @@ TEST_F(UploadMeshTest, WhatUnfinishedUploadsMayHoldTogetherIsBounded) {
 
 TEST_F(UploadMeshTest, ATenantsBytesAreBounded) {
   ServerConfig config = TestConfig();
-  config.max_bytes_per_tenant = 1000;
+  config.max_mesh_bytes = 1 << 20;
+  config.max_request_bytes = 2 << 20;
+  config.max_bytes_per_tenant = 4 << 20;
   Restart(config);
-  const std::string large(1001, 'x');
-  const CallError error = ErrorOf(Upload(DigestOf(large), {large}));
-  EXPECT_EQ(error.reason, "STORAGE_QUOTA");
-  EXPECT_FALSE(error.has_retry);
-  // Of two that fit alone, the unused one gives way.
-  for (const char fill : {'a', 'b'}) {
-    const std::string bytes(600, fill);
-    EXPECT_TRUE(Upload(DigestOf(bytes), {bytes}).ok());
+  // Nobody uses them: the oldest give way.
+  std::string last;
+  for (const char fill : {'a', 'b', 'c', 'd', 'e', 'f'}) {
+    last.assign(1 << 20, fill);
+    EXPECT_TRUE(Upload(DigestOf(last), {last}).ok());
   }
+  EXPECT_TRUE(Upload(DigestOf(last), {}).ok());
+  const std::string first(1 << 20, 'a');
+  EXPECT_FALSE(Upload(DigestOf(first), {}).ok());
 }
 
 TEST_F(UploadMeshTest, ACancelledUploadGoesOnWhereItWas) {
