@@ -41,7 +41,8 @@ TriangleMesh WorkingSample() {
 
 const Subject& TheSubject() {
   static const Subject& subject = *[] {
-    auto* made = new Subject{.mesh = WorkingSample()};
+    auto* made = new Subject;
+    made->mesh = WorkingSample();
     const DistanceFieldSolver solver(made->mesh);
     made->farthest = *FarthestPoints(solver, kOptions.pool_size, {});
     const int count = BasisPoints::DefaultCount(made->mesh.num_vertices());
