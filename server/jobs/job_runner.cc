@@ -144,16 +144,16 @@ JobResult Summarize(const JobSpec& spec, Correspondence found) {
 
 }  // namespace
 
-std::int64_t JobRunner::HeldBytes(const JobSpec& spec) const {
+std::int64_t JobRunner::HeldBytes(const JobSpec& spec, bool with_cache) const {
   const std::int64_t extra =
-      uses_cache() ? engine_.estimate_prepared_extra(
-                         SizeOf(spec.mesh_x), SizeOf(spec.mesh_y), spec.options)
-                   : 0;
+      with_cache ? engine_.estimate_prepared_extra(
+                       SizeOf(spec.mesh_x), SizeOf(spec.mesh_y), spec.options)
+                 : 0;
   return MeshBytes(spec) + extra;
 }
 
 std::int64_t JobRunner::EstimateBytes(const JobSpec& spec) const {
-  return HeldBytes(spec) +
+  return HeldBytes(spec, uses_cache()) +
          engine_.estimate(SizeOf(spec.mesh_x), SizeOf(spec.mesh_y),
                           static_cast<std::int64_t>(spec.landmarks.size()),
                           spec.options);
@@ -164,11 +164,7 @@ absl::Status JobRunner::PlanMemory(JobSpec& spec) const {
   // As with the cache, whether there is one now or not: a job that is loaded
   // again after a restart is to get the same plan.
   const std::int64_t held =
-      MeshBytes(spec) +
-      (engine_.estimate_prepared_extra
-           ? engine_.estimate_prepared_extra(SizeOf(spec.mesh_x),
-                                             SizeOf(spec.mesh_y), spec.options)
-           : 0);
+      HeldBytes(spec, engine_.estimate_prepared_extra != nullptr);
   ISOMATCH_ASSIGN_OR_RETURN(
       MemoryPlan plan,
       engine_.plan(SizeOf(spec.mesh_x), SizeOf(spec.mesh_y),

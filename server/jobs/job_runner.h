@@ -57,8 +57,9 @@ class JobRunner {
                                  const std::stop_token& stop) const;
 
  private:
-  /// What the job holds beyond what matching its meshes takes.
-  std::int64_t HeldBytes(const JobSpec& spec) const;
+  /// What the job holds beyond what matching its meshes takes, and, with the
+  /// cache, its prepared shapes.
+  std::int64_t HeldBytes(const JobSpec& spec, bool with_cache) const;
 
   bool uses_cache() const {
     return cache_ != nullptr && engine_.match_prepared != nullptr;
