@@ -8,6 +8,7 @@
 #include "core/base/status_macros.h"
 #include "server/convert/digest.h"
 #include "server/jobs/errors.h"
+#include "server/jobs/tenant_quota.h"
 
 namespace isomatch {
 
@@ -95,10 +96,8 @@ absl::Status MeshUpload::Store() {
   const std::string found = sha256_.HexDigest();
   if (found != key_.sha256) return DigestMismatch(key_.sha256, found);
   const auto size = static_cast<std::int64_t>(digest_.size_bytes());
-  const std::int64_t limit = parts_.limits.max_bytes_per_tenant;
-  if (limit > 0 && !parts_.blobs->MakeTenantRoom(key_.tenant, size, limit)) {
-    return StorageQuota(key_.tenant, size, limit);
-  }
+  ISOMATCH_RETURN_IF_ERROR(MakeTenantRoom(*parts_.blobs, key_, size,
+                                          parts_.limits.max_bytes_per_tenant));
   const absl::Status put =
       parts_.blobs->Put(key_, std::move(received_.bytes), Keep::kWhileRoom);
   if (put.ok()) return put;

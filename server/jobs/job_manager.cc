@@ -6,6 +6,7 @@
 
 #include "core/base/status_macros.h"
 #include "server/jobs/errors.h"
+#include "server/jobs/tenant_quota.h"
 
 namespace isomatch {
 namespace {
@@ -248,12 +249,9 @@ absl::Status JobManager::StoreInput(const std::string& tenant,
     if (parts_.blobs->Pin(key)) return absl::OkStatus();
     return MeshMissing("digest", input.sha256);  // it went since it was read
   }
-  const auto size = static_cast<std::int64_t>(input.bytes->size());
-  if (limits_.max_bytes_per_tenant > 0 && !parts_.blobs->Has(key) &&
-      !parts_.blobs->MakeTenantRoom(tenant, size,
-                                    limits_.max_bytes_per_tenant)) {
-    return StorageQuota(tenant, size, limits_.max_bytes_per_tenant);
-  }
+  ISOMATCH_RETURN_IF_ERROR(MakeTenantRoom(
+      *parts_.blobs, key, static_cast<std::int64_t>(input.bytes->size()),
+      limits_.max_bytes_per_tenant));
   const absl::Status put =
       parts_.blobs->Put(key, *std::move(input.bytes), Keep::kPinned);
   return put.ok() ? put : StorageFailed(put);

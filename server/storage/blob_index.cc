@@ -43,23 +43,30 @@ absl::StatusOr<std::list<BlobIndex::Entry>> BlobIndex::MakeRoom(
 }
 
 absl::StatusOr<std::list<BlobIndex::Entry>> BlobIndex::MakeTenantRoom(
-    const std::string& tenant, std::int64_t bytes, std::int64_t limit) {
+    const BlobKey& key, std::int64_t bytes, std::int64_t limit) {
+  const auto own = by_key_.find(key);
+  if (own != by_key_.end() && !own->second->is_damaged) {
+    return std::list<Entry>();
+  }
+  const auto is_other = [&key](const Entry& entry) {
+    return entry.key.tenant == key.tenant && entry.key != key;
+  };
   std::int64_t held_bytes = 0;
   for (const Entry& entry : entries_) {
-    if (entry.key.tenant == tenant) held_bytes += entry.bytes;
+    if (is_other(entry)) held_bytes += entry.bytes;
   }
   Entries victims;
   for (auto entry = entries_.end();
        entry != entries_.begin() && held_bytes + bytes > limit;) {
     --entry;
-    if (entry->key.tenant != tenant || !MayGo(*entry)) continue;
+    if (!is_other(*entry) || !MayGo(*entry)) continue;
     held_bytes -= entry->bytes;
     victims.push_back(entry);
   }
   if (held_bytes + bytes > limit) {
     return absl::ResourceExhaustedError(
         absl::StrCat("no room for ", bytes, " bytes beside ", held_bytes,
-                     " of ", tenant, ", which may have ", limit));
+                     " of ", key.tenant, ", which may have ", limit));
   }
   return TakeOut(victims);
 }

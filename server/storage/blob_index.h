@@ -41,9 +41,9 @@ class BlobIndex {
   /// they cannot; nothing is taken out then.
   absl::StatusOr<std::list<Entry>> MakeRoom(std::int64_t bytes);
 
-  /// The same of the tenant's entries, until its others and `bytes` more are at
-  /// most `limit`.
-  absl::StatusOr<std::list<Entry>> MakeTenantRoom(const std::string& tenant,
+  /// The same of the entries of the key's tenant, until its others and `bytes`
+  /// for this one are at most `limit`. What is there undamaged needs no room.
+  absl::StatusOr<std::list<Entry>> MakeTenantRoom(const BlobKey& key,
                                                   std::int64_t bytes,
                                                   std::int64_t limit);
 

@@ -58,10 +58,11 @@ class BlobStore {
   /// Whether Get would find it. Counts as a use.
   virtual bool Has(const BlobKey& key) = 0;
 
-  /// Removes blobs of the tenant that are neither pinned nor in use, the least
-  /// recently used first, until its others and `bytes` more are at most
-  /// `limit`. False, and nothing is removed, when that cannot be.
-  virtual bool MakeTenantRoom(const std::string& tenant, std::int64_t bytes,
+  /// Removes blobs of the key's tenant that are neither pinned nor in use, the
+  /// least recently used first, until its others and `bytes` for this one are
+  /// at most `limit`; nothing when Has finds it already. False, and nothing is
+  /// removed, when that cannot be.
+  virtual bool MakeTenantRoom(const BlobKey& key, std::int64_t bytes,
                               std::int64_t limit) = 0;
 
   /// Bytes of all blobs.

@@ -129,11 +129,10 @@ absl::Status DirectoryBlobStore::TakeRoom(std::int64_t bytes) {
   return absl::OkStatus();
 }
 
-bool DirectoryBlobStore::MakeTenantRoom(const std::string& tenant,
-                                        std::int64_t bytes,
+bool DirectoryBlobStore::MakeTenantRoom(const BlobKey& key, std::int64_t bytes,
                                         std::int64_t limit) {
   MutexLock lock(mutex_);
-  const auto evicted = index_.MakeTenantRoom(tenant, bytes, limit);
+  const auto evicted = index_.MakeTenantRoom(key, bytes, limit);
   if (evicted.ok()) Unlink(*evicted);
   return evicted.ok();
 }

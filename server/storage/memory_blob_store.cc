@@ -51,13 +51,13 @@ bool MemoryBlobStore::Has(const BlobKey& key) {
   return index_.Touch(key) != nullptr;
 }
 
-bool MemoryBlobStore::MakeTenantRoom(const std::string& tenant,
-                                     std::int64_t bytes, std::int64_t limit) {
+bool MemoryBlobStore::MakeTenantRoom(const BlobKey& key, std::int64_t bytes,
+                                     std::int64_t limit) {
   // Declared first: freed after the lock.
   absl::StatusOr<std::list<BlobIndex::Entry>> evicted =
       std::list<BlobIndex::Entry>();
   MutexLock lock(mutex_);
-  evicted = index_.MakeTenantRoom(tenant, bytes, limit);
+  evicted = index_.MakeTenantRoom(key, bytes, limit);
   return evicted.ok();
 }
 

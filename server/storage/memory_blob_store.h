@@ -23,7 +23,7 @@ class MemoryBlobStore : public BlobStore {
   Blob Get(const BlobKey& key) override;
   void Remove(const BlobKey& key) override;
   bool Has(const BlobKey& key) override;
-  bool MakeTenantRoom(const std::string& tenant, std::int64_t bytes,
+  bool MakeTenantRoom(const BlobKey& key, std::int64_t bytes,
                       std::int64_t limit) override;
   std::int64_t size_bytes() const override;
 

@@ -98,12 +98,14 @@ TYPED_TEST(BlobStoreTest, ATenantsOwnUnusedBlobsMakeItsRoom) {
   const std::string foreign(300, 'd');
   const BlobKey other = {"other", Sha256Hex(foreign)};
   ASSERT_THAT(store.Put(other, foreign, Keep::kWhileRoom), IsOk());
-  EXPECT_TRUE(store.MakeTenantRoom("tenant", 20, 100));
+  const BlobKey next = this->KeyOf("next");
+  EXPECT_TRUE(store.MakeTenantRoom(next, 20, 100));
+  EXPECT_TRUE(store.MakeTenantRoom(pinned, 40, 80));  // takes its room already
   EXPECT_EQ(store.size_bytes(), 380);
-  EXPECT_TRUE(store.MakeTenantRoom("tenant", 40, 100));
+  EXPECT_TRUE(store.MakeTenantRoom(next, 40, 100));
   EXPECT_FALSE(store.Has(older));
   EXPECT_TRUE(store.Has(newer));
-  EXPECT_FALSE(store.MakeTenantRoom("tenant", 61, 100));
+  EXPECT_FALSE(store.MakeTenantRoom(next, 61, 100));
   EXPECT_TRUE(store.Has(newer));
   EXPECT_TRUE(store.Has(pinned));
   EXPECT_TRUE(store.Has(other));

@@ -79,6 +79,7 @@ TEST_F(DirectoryBlobStoreTest, APinnedFileThatWasDamagedCanBePutAgain) {
   ASSERT_THAT(store_->Put(KeyOf("whole"), "whole", Keep::kPinned), IsOk());
   std::filesystem::remove(FilesBelow(root_).front());
   EXPECT_EQ(store_->Get(KeyOf("whole")), nullptr);
+  EXPECT_TRUE(store_->MakeTenantRoom(KeyOf("whole"), 5, 5));  // it has its room
   ASSERT_THAT(store_->Put(KeyOf("whole"), "whole", Keep::kPinned), IsOk());
   EXPECT_EQ(*store_->Get(KeyOf("whole")), "whole");
   store_->Remove(KeyOf("whole"));  // pinned
