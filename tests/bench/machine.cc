@@ -37,7 +37,8 @@ double CpuSeconds() {
 
 double MedianOf(std::vector<double> values) {
   std::sort(values.begin(), values.end());
-  return values[values.size() / 2];
+  const std::size_t n = values.size();
+  return n % 2 == 1 ? values[n / 2] : 0.5 * (values[n / 2 - 1] + values[n / 2]);
 }
 
 double BestSeconds(const std::function<void()>& body) {

@@ -12,7 +12,7 @@ double CpuSeconds();
 /// Wall seconds of the quickest of three runs.
 double BestSeconds(const std::function<void()>& body);
 
-/// The middle one of at least one value; of two the larger.
+/// The middle one of at least one value; of two in the middle their mean.
 double MedianOf(std::vector<double> values);
 
 /// What this machine can do now, all cores at once.

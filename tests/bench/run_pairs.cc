@@ -7,6 +7,7 @@
 #include "core/base/status_macros.h"
 #include "core/evaluation/geodesic_error.h"
 #include "core/io/draco_mesh.h"
+#include "tests/bench/machine.h"
 
 namespace isomatch::bench {
 namespace {
@@ -76,12 +77,6 @@ absl::StatusOr<TriangleMesh> AsSent(const TriangleMesh& mesh) {
   return DecodeDraco(encoded.bytes, encoded.vertex_order, mesh.num_vertices());
 }
 
-double Median(std::vector<double> values) {
-  std::sort(values.begin(), values.end());
-  const std::size_t n = values.size();
-  return n % 2 == 1 ? values[n / 2] : 0.5 * (values[n / 2 - 1] + values[n / 2]);
-}
-
 double Mean(const std::vector<double>& values) {
   double sum = 0;
   for (const double value : values) sum += value;
@@ -131,9 +126,9 @@ Summary Summarise(const std::vector<PairResult>& results) {
     summary.failed += result.failed();
   }
   summary.direct_mean = Mean(direct);
-  summary.direct_median = Median(direct);
+  summary.direct_median = MedianOf(direct);
   summary.best_mean = Mean(best);
-  summary.best_median = Median(best);
+  summary.best_median = MedianOf(best);
   summary.seconds_mean = Mean(seconds);
   return summary;
 }
