@@ -121,17 +121,20 @@ absl::StatusOr<JobManager::Place> JobManager::TakePlace(
     const Caller& caller, const std::string& request_id) {
   {
     MutexLock lock(mutex_);
-    const absl::Status status = CheckPlaceLocked(caller.tenant);
-    if (status.ok()) {
-      ++arriving_;
-      return Place(this, [](JobManager* manager) { manager->GivePlaceBack(); });
-    }
-    if (request_id.empty()) return status;
+    auto place = TakePlaceLocked(caller.tenant);
+    if (place.ok() || request_id.empty()) return place;
   }
   // The answer may be the job that the request has made before.
   if (parts_.jobs->FindByRequestId(caller.tenant, request_id)) return Place();
   MutexLock lock(mutex_);
-  return CheckPlaceLocked(caller.tenant);
+  return TakePlaceLocked(caller.tenant);  // there may be one by now
+}
+
+absl::StatusOr<JobManager::Place> JobManager::TakePlaceLocked(
+    const std::string& tenant) {
+  ISOMATCH_RETURN_IF_ERROR(CheckPlaceLocked(tenant));
+  ++arriving_;
+  return Place(this, [](JobManager* manager) { manager->GivePlaceBack(); });
 }
 
 void JobManager::GivePlaceBack() {

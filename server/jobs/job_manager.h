@@ -187,6 +187,8 @@ class JobManager {
   using Edit = std::function<absl::Status(JobRecord&)>;
 
   // A job's way in.
+  absl::StatusOr<Place> TakePlaceLocked(const std::string& tenant)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status CheckPlaceLocked(const std::string& tenant) const
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void GivePlaceBack();

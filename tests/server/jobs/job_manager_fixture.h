@@ -3,6 +3,7 @@
 #include <atomic>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -23,6 +24,18 @@ namespace isomatch {
 inline std::string ReasonOf(const absl::Status& status) {
   return status.ok() ? "OK" : DetailsOf(status).reason;
 }
+
+/// Lets something happen just before a request is looked up.
+class JobStoreWithHook : public MemoryJobStore {
+ public:
+  std::optional<JobRecord> FindByRequestId(
+      const std::string& tenant, const std::string& request_id) const override {
+    if (before_find) before_find();
+    return MemoryJobStore::FindByRequestId(tenant, request_id);
+  }
+
+  std::function<void()> before_find;
+};
 
 /// A manager whose jobs run when the test says so. A job needs as many bytes as
 /// it has landmarks; `during_match` is what it does while it runs.
@@ -124,7 +137,7 @@ class JobManagerTest : public testing::Test {
   std::vector<std::string> history_;
   std::function<absl::Status(std::stop_token)> during_match_ =
       [](const std::stop_token&) { return absl::OkStatus(); };
-  MemoryJobStore jobs_;
+  JobStoreWithHook jobs_;
   MemoryBlobStore blobs_{kBlobBytes};
   MemoryBudget budget_{kBudget};
   JobRunner runner_{FakeEngine(), absl::Now};

@@ -130,6 +130,17 @@ TEST_F(JobManagerTest, ARequestThatMadeAJobBeforeNeedsNoPlace) {
             "QUEUE_FULL");
 }
 
+TEST_F(JobManagerTest, APlaceThatComesWhileTheRequestIsLookedUpIsTaken) {
+  Restart({.max_queued_jobs = 1});
+  Create();  // runs
+  Create();  // waits, until the other has ended
+  jobs_.before_find = [this] { EXPECT_TRUE(workers_.RunNext()); };
+  const auto place = manager_->TakePlace(caller_, "new");
+  ASSERT_THAT(place, IsOk());
+  EXPECT_NE(*place, nullptr);
+  EXPECT_EQ(ReasonOf(manager_->TakePlace(caller_, "").status()), "QUEUE_FULL");
+}
+
 TEST_F(JobManagerTest, OthersDoNotSeeATenantsJobs) {
   const Caller mine = {"mine", Role::kSubmit};
   const Caller other = {"other", Role::kSubmit};
