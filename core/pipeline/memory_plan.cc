@@ -113,4 +113,23 @@ absl::StatusOr<MemoryPlan> PlanWithinMemory(MeshSize x, MeshSize y,
   return plan;
 }
 
+absl::Status CheckDecimated(MeshSize mesh, MeshSize left,
+                            const MatchOptions& options) {
+  const std::int64_t limit = options.memory_limit_bytes;
+  if (limit == 0) return absl::OkStatus();
+  const MeshSize wanted = {options.solved_vertices,
+                           2 * std::int64_t{options.solved_vertices}};
+  MatchOptions as_it_is = options;
+  as_it_is.solved_vertices = 0;
+  const std::int64_t planned = EstimateMemoryBytes(mesh, wanted, 0, options);
+  const std::int64_t more = EstimateMemoryBytes(left, wanted, 0, as_it_is) -
+                            EstimateMemoryBytes(wanted, wanted, 0, as_it_is);
+  if (more <= limit - planned) return absl::OkStatus();
+  return absl::ResourceExhaustedError(absl::StrCat(
+      "a mesh of ", mesh.vertices, " vertices can be decimated to ",
+      left.vertices, " only, not ", wanted.vertices, ", and needs ",
+      planned + more, " bytes so, expected at most ", limit,
+      "; is it a surface?"));
+}
+
 }  // namespace isomatch

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "core/pipeline/match_options.h"
 #include "core/pipeline/matcher.h"
@@ -32,6 +33,13 @@ absl::StatusOr<MemoryPlan> PlanWithinMemory(MeshSize x, MeshSize y,
                                             std::int64_t num_landmarks,
                                             const MatchOptions& options,
                                             std::int64_t held_bytes = 0);
+
+/// Checks that matching stays within options.memory_limit_bytes although
+/// decimation, asked for options.solved_vertices, left `left` of a mesh.
+/// RESOURCE_EXHAUSTED, with both numbers, when it does not; without a limit all
+/// is well. The other mesh is taken for one that was decimated as asked.
+absl::Status CheckDecimated(MeshSize mesh, MeshSize left,
+                            const MatchOptions& options);
 
 /// With fewer, maps of near-isometric shapes get noticeably worse; see
 /// core/README.md, "Large meshes".

@@ -15,6 +15,7 @@
 #include "core/mesh/nearest_vertices.h"
 #include "core/mesh/spatial_order.h"
 #include "core/mesh/topology.h"
+#include "core/pipeline/memory_plan.h"
 
 namespace isomatch {
 namespace {
@@ -244,6 +245,8 @@ absl::Status PrepareSurface(CleanMesh mesh, const MatchOptions& options,
       MakeCoarse(prepared->full, options.solved_vertices, stop));
   const VertexIndex left = prepared->solved().mesh.num_vertices();
   if (left > kDecimatedWell * options.solved_vertices) {
+    ISOMATCH_RETURN_IF_ERROR(CheckDecimated(
+        SizeOf(prepared->full.mesh), SizeOf(prepared->solved().mesh), options));
     prepared->full.warnings.push_back(absl::StrCat(
         "could be decimated to ", left, " vertices only, not ",
         options.solved_vertices, ": matching takes longer and more memory"));

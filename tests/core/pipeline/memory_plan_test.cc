@@ -2,12 +2,14 @@
 
 #include <cstdint>
 #include <limits>
+#include <random>
 #include <string>
 
 #include <gtest/gtest.h>
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "core/pipeline/prepared_shape.h"
 #include "tests/support/matchers.h"
 #include "tests/support/memory_growth.h"
 #include "tests/support/shapes.h"
@@ -30,6 +32,25 @@ MatchOptions Limited(Profile profile, std::int64_t limit, int threads = 2) {
   options.memory_limit_bytes = limit;
   options.threads = threads;
   return options;
+}
+
+/// Three times as many faces as vertices, each on any three of them: no
+/// surface, and nothing of it can be decimated.
+TriangleMesh AnyFaces(VertexIndex vertices) {
+  std::mt19937 random(1);
+  const auto below = [&](VertexIndex end) {
+    return static_cast<VertexIndex>(random() % static_cast<unsigned>(end));
+  };
+  TriangleMesh mesh;
+  mesh.positions.resize(vertices, 3);
+  for (VertexIndex v = 0; v < vertices; ++v) {
+    mesh.positions.row(v) << below(1000), below(1000), below(1000);
+  }
+  mesh.faces.resize(Eigen::Index{3} * vertices, 3);
+  for (Eigen::Index f = 0; f < mesh.faces.rows(); ++f) {
+    mesh.faces.row(f) << below(vertices), below(vertices), below(vertices);
+  }
+  return mesh;
 }
 
 class MemoryPlanTest : public testing::TestWithParam<Profile> {};
@@ -117,6 +138,36 @@ TEST_P(MemoryPlanTest, HostileSizesDoNotWrapAround) {
 
 INSTANTIATE_TEST_SUITE_P(Profiles, MemoryPlanTest,
                          testing::Values(Profile::kDefault, Profile::kPaper));
+
+TEST(CheckDecimatedTest, WhatWasDecimatedAsAskedFits) {
+  const MatchOptions options =
+      Limited(Profile::kDefault, Estimate(MatchOptions(), 2));
+  EXPECT_THAT(CheckDecimated(kLarge, {4000, 8000}, options), IsOk());
+  EXPECT_THAT(CheckDecimated(kLarge, kLarge, options),
+              StatusIs(absl::StatusCode::kResourceExhausted,
+                       HasSubstr("to 100000 only, not 4000")));
+  EXPECT_THAT(CheckDecimated(kLarge, kLarge, MatchOptions()), IsOk());
+}
+
+TEST(CheckDecimatedTest, AMeshThatCannotBeDecimatedStaysWithinItsLimit) {
+  const TriangleMesh mesh = AnyFaces(15'000);
+  MatchOptions options;
+  options.solved_vertices = 500;
+  options.threads = 2;
+  options.memory_limit_bytes =
+      EstimateMemoryBytes(SizeOf(mesh), SizeOf(mesh), 0, options);
+  EXPECT_THAT(Match(mesh, mesh, {}, options),
+              StatusIs(absl::StatusCode::kResourceExhausted,
+                       HasSubstr("can be decimated to 1")));
+}
+
+TEST(CheckDecimatedTest, WithoutALimitAMeshThatCannotBeDecimatedIsPrepared) {
+  MatchOptions options;
+  options.solved_vertices = 500;
+  const auto prepared = Prepare(AnyFaces(1500), options);
+  ASSERT_THAT(prepared, IsOk());
+  EXPECT_GT(prepared->contents().prepared.solved().mesh.num_vertices(), 1400);
+}
 
 class LimitedMatchTest : public testing::Test {
  protected:
