@@ -187,9 +187,9 @@ absl::Status UploadQuota(std::int64_t size_bytes, absl::Duration retry_after) {
                    retry_after);
 }
 
-absl::Status OutOfMemory() {
+absl::Status OutOfMemory(absl::string_view message) {
   return Make(absl::StatusCode::kResourceExhausted, "OUT_OF_MEMORY",
-              "the server ran out of memory for this job");
+              std::string(message));
 }
 
 absl::Status JobNeedsMoreMemoryThanBudget(std::int64_t needed_bytes,

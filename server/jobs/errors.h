@@ -51,7 +51,8 @@ absl::Status StorageQuota(const std::string& tenant, std::int64_t size_bytes,
 absl::Status UploadQuota(std::int64_t size_bytes, absl::Duration retry_after);
 /// With the code of `problem`, which is UNAVAILABLE when the disk refuses.
 absl::Status StorageFailed(const absl::Status& problem);
-absl::Status OutOfMemory();
+absl::Status OutOfMemory(
+    absl::string_view message = "the server ran out of memory for this job");
 
 // FAILED_PRECONDITION: something else has to be done first, or never helps.
 

@@ -27,8 +27,9 @@ bool CanMove(JobState from, JobState to) {
          (IsTerminal(to) || to == JobState::kQueued);
 }
 
-/// As if it had not been started.
+/// As if it had not been started; but it was, and in time.
 void Rewind(JobRecord& record) {
+  record.queue_timeout.reset();
   record.progress = JobProgress();
   record.start_time = absl::InfinitePast();
 }
@@ -133,22 +134,24 @@ absl::StatusOr<JobManager::Place> JobManager::TakePlace(
 absl::StatusOr<JobManager::Place> JobManager::TakePlaceLocked(
     const std::string& tenant) {
   ISOMATCH_RETURN_IF_ERROR(CheckPlaceLocked(tenant));
-  ++arriving_;
-  return Place(this, [](JobManager* manager) { manager->GivePlaceBack(); });
+  arriving_.insert(tenant);
+  return Place(
+      this, [tenant](JobManager* manager) { manager->GivePlaceBack(tenant); });
 }
 
-void JobManager::GivePlaceBack() {
+void JobManager::GivePlaceBack(const std::string& tenant) {
   MutexLock lock(mutex_);
-  --arriving_;
+  arriving_.erase(arriving_.find(tenant));
 }
 
 absl::Status JobManager::CheckPlaceLocked(const std::string& tenant) const {
   if (draining_) return Draining(kRetryDraining);
-  const int waiting = queue_.size() + arriving_;
+  const int waiting = queue_.size() + static_cast<int>(arriving_.size());
   if (waiting >= limits_.max_queued_jobs) {
     return QueueFull(waiting, kRetryQueueFull);
   }
-  const int own = queue_.CountOf(tenant);
+  const int own =
+      queue_.CountOf(tenant) + static_cast<int>(arriving_.count(tenant));
   if (own >= limits_.max_queued_jobs_per_tenant) {
     return TenantQuota(tenant, own, kRetryQueueFull);
   }
@@ -338,11 +341,10 @@ void JobManager::TakeUp(const JobRecord& record) {
     return Fail(record, JobNeedsMoreMemoryThanBudget(
                             record.memory_estimate_bytes, budget_bytes));
   }
-  if (ran) {
-    (void)Move(record.id, JobState::kQueued);
-  }
   if (record.cancel_when_unwatched) guard_.Guard(record.id);
-  Enqueue(record);
+  if (!ran) return Enqueue(record);
+  const auto queued = Move(record.id, JobState::kQueued);
+  if (queued.ok()) Enqueue(*queued);
 }
 
 void JobManager::ForgetOld() {

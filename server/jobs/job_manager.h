@@ -5,6 +5,7 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <unordered_map>
 #include <vector>
@@ -191,7 +192,7 @@ class JobManager {
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status CheckPlaceLocked(const std::string& tenant) const
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  void GivePlaceBack();
+  void GivePlaceBack(const std::string& tenant);
   JobRecord NewRecord(const Caller& caller, const JobSpec& spec) const;
   absl::StatusOr<JobSnapshot> Accept(const Caller& caller, JobRecord record,
                                      std::vector<JobInput> inputs);
@@ -265,8 +266,8 @@ class JobManager {
   mutable Mutex mutex_;
   CondVar idle_;
   JobQueue queue_ ABSL_GUARDED_BY(mutex_);
-  /// Places that are taken.
-  int arriving_ ABSL_GUARDED_BY(mutex_) = 0;
+  /// The tenants of the places that are taken, each as often as it has some.
+  std::multiset<std::string> arriving_ ABSL_GUARDED_BY(mutex_);
   /// Those that are queued or have a worker.
   std::unordered_map<std::string, std::shared_ptr<LiveJob>> live_
       ABSL_GUARDED_BY(mutex_);

@@ -176,6 +176,12 @@ absl::Status JobRunner::PlanMemory(JobSpec& spec) const {
   return absl::OkStatus();
 }
 
+void JobRunner::LimitToEstimate(JobSpec& spec) const {
+  std::int64_t& limit = spec.options.memory_limit_bytes;
+  const std::int64_t estimate = EstimateBytes(spec);
+  limit = limit == 0 ? estimate : std::min(limit, estimate);
+}
+
 absl::Status JobRunner::ValidateLandmarks(const JobSpec& spec) const {
   return engine_.validate_landmarks(spec.landmarks, spec.mesh_x.num_vertices(),
                                     spec.mesh_y.num_vertices());
@@ -186,18 +192,22 @@ absl::StatusOr<RunOutcome> JobRunner::Run(const LoadSpec& load,
                                           const std::stop_token& stop) const {
   try {
     RunMeter meter(now_, on_progress);
-    ISOMATCH_ASSIGN_OR_RETURN(const JobSpec spec, load());
+    ISOMATCH_ASSIGN_OR_RETURN(JobSpec spec, load());
+    LimitToEstimate(spec);
     const ProgressCallback report = [&](const Progress& progress) {
       meter.OnProgress(progress);
     };
-    ISOMATCH_ASSIGN_OR_RETURN(
-        Correspondence found,
+    absl::StatusOr<Correspondence> found =
         uses_cache() ? MatchWithCache(engine_, spec, *cache_, report, stop)
                      : engine_.match(spec.mesh_x, spec.mesh_y, spec.landmarks,
-                                     spec.options, report, stop));
+                                     spec.options, report, stop);
+    if (absl::IsResourceExhausted(found.status())) {
+      return OutOfMemory(found.status().message());
+    }
+    if (!found.ok()) return found.status();
     RunOutcome outcome;
-    outcome.parts = EncodeParts(found);
-    outcome.result = Summarize(spec, std::move(found));
+    outcome.parts = EncodeParts(*found);
+    outcome.result = Summarize(spec, *std::move(found));
     meter.Finish(outcome.result);
     return outcome;
   } catch (const std::bad_alloc&) {

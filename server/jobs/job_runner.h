@@ -51,7 +51,7 @@ class JobRunner {
 
   /// Returns the parts and the figures. What `load` fails with; CANCELLED once
   /// `stop` is requested; RESOURCE_EXHAUSTED (OUT_OF_MEMORY) when an allocation
-  /// failed.
+  /// failed, or the method would need more than EstimateBytes.
   absl::StatusOr<RunOutcome> Run(const LoadSpec& load,
                                  const OnProgress& on_progress,
                                  const std::stop_token& stop) const;
@@ -60,6 +60,10 @@ class JobRunner {
   /// What the job holds beyond what matching its meshes takes, and, with the
   /// cache, its prepared shapes.
   std::int64_t HeldBytes(const JobSpec& spec, bool with_cache) const;
+
+  /// So that a mesh that cannot be decimated as it was estimated takes no more
+  /// than the job has reserved.
+  void LimitToEstimate(JobSpec& spec) const;
 
   bool uses_cache() const {
     return cache_ != nullptr && engine_.match_prepared != nullptr;

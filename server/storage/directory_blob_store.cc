@@ -176,15 +176,14 @@ BlobStore::Blob DirectoryBlobStore::Get(const BlobKey& key) {
     size = entry->bytes;
   }
   auto bytes = ReadWholeFile(PathOf(key), size);
+  if (absl::IsUnavailable(bytes.status())) return nullptr;  // this time
   const bool intact =
       bytes.ok() && (!options_.are_digests || Sha256Hex(*bytes) == key.sha256);
   MutexLock lock(mutex_);
   BlobIndex::Entry* entry = index_.Touch(key);
-  if (!intact) {
-    // If it was not just evicted: as good as not there until it is put again.
-    if (entry != nullptr) entry->is_damaged = true;
-    return nullptr;
-  }
+  // If it was not just evicted: as good as not there until it is put again.
+  if (entry != nullptr) entry->is_damaged = !intact;
+  if (!intact) return nullptr;
   const Blob blob = std::make_shared<const std::string>(*std::move(bytes));
   if (entry != nullptr) entry->held = blob;
   return blob;

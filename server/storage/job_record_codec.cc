@@ -91,8 +91,11 @@ absl::StatusOr<JobRecord> DecodeJobRecord(absl::string_view bytes) {
         nlohmann::json::from_cbor(bytes.begin(), bytes.end()).get<JobRecord>();
     const bool known = record.state >= JobState::kQueued &&
                        record.state <= JobState::kCancelled;
-    if (known && !record.id.empty()) return record;
-    return absl::DataLossError("a record without an id or with another state");
+    const bool whole =
+        record.state != JobState::kSucceeded || record.result.has_value();
+    if (known && whole && !record.id.empty()) return record;
+    return absl::DataLossError(
+        "a record without an id or its result, or with another state");
   } catch (const nlohmann::json::exception& error) {
     return absl::DataLossError(absl::StrCat("a record: ", error.what()));
   }

@@ -77,6 +77,21 @@ TEST_F(JobManagerTest, OneTenantCannotFillTheQueue) {
   EXPECT_THAT(manager_->Create({.tenant = "other"}, Needing(1)), IsOk());
 }
 
+TEST_F(JobManagerTest, OneTenantCannotTakeAllPlacesAtOnce) {
+  Restart({.max_queued_jobs = 10, .max_queued_jobs_per_tenant = 2});
+  std::vector<JobManager::Place> places;
+  for (int i = 0; i < 2; ++i) {
+    auto place = manager_->TakePlace(caller_, "");
+    ASSERT_THAT(place, IsOk());
+    places.push_back(*std::move(place));
+  }
+  EXPECT_EQ(ReasonOf(manager_->TakePlace(caller_, "").status()),
+            "TENANT_QUOTA");
+  EXPECT_THAT(manager_->TakePlace({.tenant = "other"}, ""), IsOk());
+  places.pop_back();
+  EXPECT_THAT(manager_->TakePlace(caller_, ""), IsOk());
+}
+
 TEST_F(JobManagerTest, OneTenantCannotFillTheStore) {
   Restart({.max_bytes_per_tenant = 100});
   const auto with_input = [](char fill, std::size_t size) {

@@ -168,6 +168,18 @@ TEST_F(JobRecoveryTest, TheQueueTimeoutCountsFromTheCreation) {
   EXPECT_EQ(FailureOf(id), "QUEUE_TIMEOUT");
 }
 
+TEST_F(JobRecoveryTest, AJobThatStartedInTimeRunsAgainHoweverLate) {
+  JobSpec spec = Needing(1);
+  spec.queue_timeout = absl::Seconds(60);
+  const std::string id = Create(spec);
+  now_ += absl::Seconds(70);
+  CrashInMatch();
+  timers_.Advance(absl::Seconds(1));
+  EXPECT_EQ(StateOf(id), "QUEUED");
+  EXPECT_TRUE(workers_.RunNext());
+  EXPECT_EQ(StateOf(id), "SUCCEEDED");
+}
+
 TEST_F(JobRecoveryTest, WhatFitsNoLongerFails) {
   const std::string id = CreateWithInput(kBudget);
   budget_bytes_ = kBudget - 1;

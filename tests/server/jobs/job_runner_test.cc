@@ -110,6 +110,29 @@ TEST_F(JobRunnerTest, AFailedAllocationIsAnErrorOfTheJob) {
   EXPECT_EQ(DetailsOf(outcome.status()).reason, "OUT_OF_MEMORY");
 }
 
+TEST_F(JobRunnerTest, TheMethodIsHeldToTheEstimate) {
+  std::vector<std::int64_t> limits;
+  const JobRunner runner =
+      Runner([&](auto&&, auto&&, auto&&, const MatchOptions& options,
+                 auto&&...) -> absl::StatusOr<Correspondence> {
+        limits.push_back(options.memory_limit_bytes);
+        return absl::ResourceExhaustedError("cannot be decimated");
+      });
+  JobSpec spec;
+  spec.mesh_x.positions.resize(10, 3);
+  spec.mesh_y.positions.resize(10, 3);
+  const std::int64_t estimate = runner.EstimateBytes(spec);
+  for (const std::int64_t limit :
+       {std::int64_t{0}, estimate - 1, estimate + 1}) {
+    spec.options.memory_limit_bytes = limit;
+    const auto outcome = runner.Run([&] { return spec; }, [](auto&&) {}, {});
+    EXPECT_THAT(outcome, StatusIs(absl::StatusCode::kResourceExhausted,
+                                  "cannot be decimated"));
+    EXPECT_EQ(DetailsOf(outcome.status()).reason, "OUT_OF_MEMORY");
+  }
+  EXPECT_THAT(limits, ElementsAre(estimate, estimate - 1, estimate));
+}
+
 TEST_F(JobRunnerTest, AnyOtherExceptionIsInternal) {
   EXPECT_THAT(Run([](auto&&...) -> absl::StatusOr<Correspondence> {
                 throw std::length_error("too long");

@@ -2,6 +2,8 @@
 
 #include <sys/resource.h>
 
+#include <sys/resource.h>
+
 #include <csignal>
 #include <filesystem>
 #include <fstream>
@@ -72,6 +74,20 @@ TEST_F(DirectoryBlobStoreTest, ADamagedFileIsAsGoodAsMissing) {
   ASSERT_THAT(store_->Put(KeyOf("whole"), "whole", Keep::kWhileRoom), IsOk());
   EXPECT_EQ(*store_->Get(KeyOf("whole")), "whole");
   EXPECT_EQ(store_->size_bytes(), 5);
+}
+
+TEST_F(DirectoryBlobStoreTest, AFileThatCannotBeReadNowIsNotDamaged) {
+  Open();
+  ASSERT_THAT(store_->Put(KeyOf("whole"), "whole", Keep::kWhileRoom), IsOk());
+  rlimit before;
+  ASSERT_EQ(getrlimit(RLIMIT_NOFILE, &before), 0);
+  rlimit none = before;
+  none.rlim_cur = 0;
+  ASSERT_EQ(setrlimit(RLIMIT_NOFILE, &none), 0);
+  EXPECT_EQ(store_->Get(KeyOf("whole")), nullptr);
+  ASSERT_EQ(setrlimit(RLIMIT_NOFILE, &before), 0);
+  EXPECT_TRUE(store_->Has(KeyOf("whole")));
+  EXPECT_NE(store_->Get(KeyOf("whole")), nullptr);
 }
 
 TEST_F(DirectoryBlobStoreTest, APinnedFileThatWasDamagedCanBePutAgain) {

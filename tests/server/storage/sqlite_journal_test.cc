@@ -100,6 +100,10 @@ TEST(JobRecordCodecTest, DamagedBytesAreRefused) {
   odd.state = static_cast<JobState>(99);
   EXPECT_THAT(DecodeJobRecord(EncodeJobRecord(odd)),
               StatusIs(absl::StatusCode::kDataLoss, _));
+  JobRecord without_result = FullRecord();
+  without_result.result.reset();
+  EXPECT_THAT(DecodeJobRecord(EncodeJobRecord(without_result)),
+              StatusIs(absl::StatusCode::kDataLoss, _));
 }
 
 class SqliteJournalTest : public testing::Test {
