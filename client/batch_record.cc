@@ -49,8 +49,9 @@ bool BatchRecord::Load() {
                             /*allow_exceptions=*/false);
   if (!report.is_object() || !report.contains("batch")) return false;
   const Json& batch = report["batch"];
-  if (!batch.is_object() || batch.value("fingerprint", "") != fingerprint_ ||
-      batch.value("map_sha256", "") != Sha256Hex(FileText(map_path()))) {
+  if (!batch.is_object() ||
+      batch.value("fingerprint", Json()) != fingerprint_ ||
+      batch.value("map_sha256", Json()) != Sha256Hex(FileText(map_path()))) {
     return false;
   }
   report_ = std::move(report);

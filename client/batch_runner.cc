@@ -1,6 +1,7 @@
 #include "client/batch_runner.h"
 
 #include <algorithm>
+#include <exception>
 #include <filesystem>
 #include <numeric>
 #include <thread>
@@ -8,7 +9,6 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
-#include "client/call_retry.h"
 #include "client/map_file.h"
 #include "client/mesh_file.h"
 #include "client/text_file.h"
@@ -33,9 +33,11 @@ bool IsFull(const absl::Status& status) {
          absl::StrContains(status.message(), "(TENANT_QUOTA)");
 }
 
-// What the jobs of this batch need takes all that the tenant may store.
-bool IsOverQuota(const absl::Status& status) {
-  return absl::StrContains(status.message(), "(STORAGE_QUOTA)");
+// What other pairs of this batch need is in the way.
+bool IsInTheWay(const absl::Status& status) {
+  return absl::StrContains(status.message(), "(STORAGE_QUOTA)") ||
+         absl::StrContains(status.message(), "(UPLOAD_QUOTA)") ||
+         absl::StrContains(status.message(), "(MESH_MISSING)");
 }
 
 // No other pair would do better.
@@ -109,7 +111,12 @@ void BatchRunner::RunLoop(const std::vector<BatchPair>& pairs,
       row = rows_[index];
       ++progress_.running;
     }
-    const absl::Status status = RunPair(pairs[index], index, &row, stop);
+    absl::Status status;
+    try {
+      status = RunPair(pairs[index], index, &row, stop);
+    } catch (const std::exception& error) {  // a report that somebody changed
+      status = absl::InternalError(error.what());
+    }
     SetEnded(index, std::move(row), status, stop);
   }
 }
@@ -148,18 +155,32 @@ absl::Status BatchRunner::Match(const BatchPair& pair, std::size_t index,
   };
   Backoff backoff(stop, absl::InfiniteDuration());
   absl::StatusOr<MatchResult> result;
+  bool others_run = false;
   do {
+    others_run = OthersRun();  // before: they may end while this is refused
     result = client_->Match(request, on_change, stop);
   } while ((IsFull(result.status()) ||
-            (IsOverQuota(result.status()) && OthersRun())) &&
-           backoff.Again(absl::UnavailableError("the queue is full")));
+            (IsInTheWay(result.status()) && others_run)) &&
+           Wait(&backoff));
+  if (!result.ok() && stop.stop_requested()) return Stopped();
   ISOMATCH_RETURN_IF_ERROR(result.status());
   return record->Save(*result, warnings);
 }
 
+bool BatchRunner::Wait(Backoff* backoff) {
+  const auto count = [this](int change) {
+    const std::lock_guard lock(mutex_);
+    waiting_ += change;
+  };
+  count(1);
+  const bool again = backoff->Again(absl::UnavailableError("no room"));
+  count(-1);
+  return again;
+}
+
 bool BatchRunner::OthersRun() {
   const std::lock_guard lock(mutex_);
-  return progress_.running > 1;
+  return progress_.running - waiting_ > 1;
 }
 
 void BatchRunner::SetEnded(std::size_t index, BatchRow row,

@@ -10,6 +10,7 @@
 #include "client/batch_list.h"
 #include "client/batch_record.h"
 #include "client/batch_table.h"
+#include "client/call_retry.h"
 #include "client/isomatch_client.h"
 #include "client/job_flags.h"
 
@@ -67,7 +68,9 @@ class BatchRunner {
                      BatchRecord* record, const std::stop_token& stop);
   void SetEnded(std::size_t index, BatchRow row, const absl::Status& status,
                 const std::stop_token& stop);
-  // Whether another pair is being matched, too.
+  // Sleeps for a while; false when the user wants to stop.
+  bool Wait(Backoff* backoff);
+  // Whether another pair is being matched, too, and does not wait itself.
   bool OthersRun();
   // REQUIRES: mutex_ is held.
   void Tell();
@@ -78,6 +81,8 @@ class BatchRunner {
 
   std::mutex mutex_;
   std::size_t next_ = 0;
+  /// Of the running ones, those in Wait.
+  int waiting_ = 0;
   bool is_over_ = false;
   absl::Status summary_status_;
   BatchProgress progress_;

@@ -2,10 +2,12 @@
 
 #include <filesystem>
 #include <future>
+#include <memory>
 #include <string>
 #include <vector>
 
 #include <gmock/gmock.h>
+#include <grpcpp/grpcpp.h>
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
@@ -15,6 +17,9 @@
 #include "client/batch_table.h"
 #include "client/mesh_file.h"
 #include "client/text_file.h"
+#include "isomatch/v1/service.grpc.pb.h"
+#include "server/jobs/errors.h"
+#include "server/rpc/grpc_status.h"
 #include "tests/client/run_isomatch.h"
 #include "tests/server/test_server.h"
 #include "tests/support/matchers.h"
@@ -86,6 +91,17 @@ TEST_F(BatchTest, MatchesEveryPairAndKeepsWhatIsDone) {
   EXPECT_EQ(matches_, 4);
 }
 
+TEST_F(BatchTest, AReportThatSomebodyChangedHarmsItsPairOnly) {
+  ASSERT_EQ(Batch({list_}).status, kExitSuccess);
+  json foreign = json::parse(*ReadFile(Out("a__b.json"), "a report"));
+  foreign["batch"]["fingerprint"] = 5;
+  ASSERT_THAT(WriteFileAtomically(Out("a__b.json"), foreign.dump()), IsOk());
+  json changed = json::parse(*ReadFile(Out("a__c.json"), "a report"));
+  changed["total_seconds"] = nullptr;
+  ASSERT_THAT(WriteFileAtomically(Out("a__c.json"), changed.dump()), IsOk());
+  EXPECT_THAT(States(Batch({list_, "--json"})), ElementsAre("done", "failed"));
+}
+
 TEST_F(BatchTest, WhatChangedIsMatchedAgain) {
   ASSERT_EQ(Batch({list_}).status, kExitSuccess);
   // Another option, then another mesh, then a damaged and a missing file.
@@ -155,6 +171,46 @@ TEST_F(BatchTest, AFullQueueIsWaitedFor) {
   const CommandOutcome outcome = Batch({list, "--parallel", "6", "--json"});
   EXPECT_EQ(outcome.status, kExitSuccess) << outcome.err;
   EXPECT_THAT(States(outcome), testing::Each("done"));
+}
+
+/// A server whose store never has room.
+class ServerWithoutRoom final : public v1::CorrespondenceService::Service {
+ public:
+  ServerWithoutRoom() {
+    grpc::ServerBuilder builder;
+    builder.AddListeningPort("127.0.0.1:0", grpc::InsecureServerCredentials(),
+                             &port_);
+    builder.RegisterService(this);
+    server_ = builder.BuildAndStart();
+  }
+
+  std::string address() const { return absl::StrCat("127.0.0.1:", port_); }
+
+  grpc::Status GetServerInfo(grpc::ServerContext*,
+                             const v1::GetServerInfoRequest*,
+                             v1::GetServerInfoResponse* response) override {
+    response->mutable_limits()->set_max_request_bytes(1 << 20);
+    return grpc::Status::OK;
+  }
+
+  grpc::Status CreateJob(grpc::ServerContext*, const v1::CreateJobRequest*,
+                         v1::CreateJobResponse*) override {
+    return ToGrpc(StorageQuota("tenant", 2, 1));
+  }
+
+ private:
+  int port_ = 0;
+  std::unique_ptr<grpc::Server> server_;
+};
+
+TEST_F(BatchTest, WhatNoPairMakesRoomForFails) {
+  const ServerWithoutRoom full;
+  const CommandOutcome outcome =
+      RunIsomatch({"batch", list_, "-o", out_, "--parallel", "2", "--json",
+                   "--no-progress", "--server", full.address()});
+  EXPECT_EQ(outcome.status, kExitFailure);
+  EXPECT_THAT(outcome.out, HasSubstr("STORAGE_QUOTA"));
+  EXPECT_THAT(States(outcome), testing::Each("failed"));
 }
 
 TEST_F(BatchTest, ATemplateIsMatchedToEachMeshOfAFolder) {
