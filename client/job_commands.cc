@@ -3,6 +3,7 @@
 #include <vector>
 
 #include <CLI/CLI.hpp>
+#include <nlohmann/json.hpp>
 
 #include "absl/status/statusor.h"
 #include "absl/strings/str_cat.h"
@@ -114,6 +115,7 @@ absl::Status RunList(const ListArguments& arguments, const Terminal& terminal) {
 struct JobsArguments {
   std::vector<std::string> jobs;
   ConnectionFlags connection;
+  bool json = false;
 };
 
 // Does something to each of the jobs; returns the first thing that went wrong
@@ -141,15 +143,26 @@ absl::Status RunCancel(const JobsArguments& arguments,
                        const Terminal& terminal) {
   return ForEachJob(arguments, terminal,
                     [&](IsomatchClient& client, const std::string& name) {
-                      return client.CancelJob(name, terminal.stop).status();
+                      const auto job = client.CancelJob(name, terminal.stop);
+                      return job.ok() && arguments.json
+                                 ? Print(ToJsonLine(*job), terminal)
+                                 : job.status();
                     });
+}
+
+std::string DeletedJson(const std::string& name) {
+  return nlohmann::json({{"name", name}, {"deleted", true}}).dump() + "\n";
 }
 
 absl::Status RunDelete(const JobsArguments& arguments,
                        const Terminal& terminal) {
   return ForEachJob(arguments, terminal,
                     [&](IsomatchClient& client, const std::string& name) {
-                      return client.DeleteJob(name, terminal.stop);
+                      const absl::Status status =
+                          client.DeleteJob(name, terminal.stop);
+                      return status.ok() && arguments.json
+                                 ? Print(DeletedJson(name), terminal)
+                                 : status;
                     });
 }
 
@@ -178,6 +191,8 @@ Command AddJobsCommand(CLI::App& app, const std::string& name,
   command->add_option("JOB", arguments->jobs, "Name, as `submit` printed it")
       ->required();
   AddConnectionFlags(command, &arguments->connection, ServerUse::kNeeded);
+  command->add_flag("--json", arguments->json,
+                    "Print each job that it was done to as JSON in a line");
   command->footer(footer);
   return {command, [arguments, run](const Terminal& terminal) {
             return run(*arguments, terminal);

@@ -13,6 +13,7 @@
 #include "client/isomatch_client.h"
 #include "client/job_flags.h"
 #include "client/match_outputs.h"
+#include "client/match_report.h"
 #include "client/progress_display.h"
 #include "client/remote_server.h"
 #include "core/base/status_macros.h"
@@ -31,6 +32,7 @@ Without --server the work is done in this process, by the same server code.
 Examples:
   isomatch match X.off Y.ply -o map.txt
   isomatch match X.off Y.ply -o map.txt --report report.json
+  isomatch match X.off Y.ply -o map.txt --json | jq .symmetry_confidence
   isomatch match X.off Y.ply --landmarks pairs.txt --no-progress > map.txt
   isomatch match X.off Y.ply -o map.npy
   isomatch match X.off Y.ply -o colored.ply --confidence confidence.txt
@@ -60,6 +62,7 @@ struct MatchArguments {
   JobFlags job;
   MatchOutputs outputs;
   bool no_progress = false;
+  bool json = false;
 };
 
 absl::StatusOr<MatchResult> RunMatch(
@@ -95,6 +98,10 @@ absl::Status RunMatch(const MatchArguments& arguments,
                       const Terminal& terminal) {
   ISOMATCH_RETURN_IF_ERROR(CheckOutputs(
       arguments.outputs, {arguments.x, arguments.y, arguments.landmarks}));
+  if (arguments.json && arguments.outputs.map == "-") {
+    return absl::InvalidArgumentError(
+        "--json: the map goes to standard output, expected -o FILE");
+  }
   std::optional<RemoteServer> server;
   if (!arguments.connection.server.empty()) {
     ISOMATCH_ASSIGN_OR_RETURN(
@@ -124,7 +131,10 @@ absl::Status RunMatch(const MatchArguments& arguments,
       server ? RunRemote(request, *server, arguments, terminal)
              : RunEmbedded(request, arguments, terminal));
   Warn(ResultWarnings(result.info), terminal);
-  return WriteOutputs(arguments.outputs, facts, result, terminal);
+  ISOMATCH_RETURN_IF_ERROR(
+      WriteOutputs(arguments.outputs, facts, result, terminal));
+  if (!arguments.json) return absl::OkStatus();
+  return Print(FormatReport(result, facts.warnings), terminal);
 }
 
 }  // namespace
@@ -139,6 +149,8 @@ Command AddMatchCommand(CLI::App& app) {
   AddJobFlags(command, &arguments->job);
   command->add_flag("--no-progress", arguments->no_progress,
                     "Say nothing on standard error but warnings and errors");
+  command->add_flag("--json", arguments->json,
+                    "Print the report as JSON; needs -o");
   command->footer(kMatchFooter);
   return {command, [arguments](const Terminal& terminal) {
             return RunMatch(*arguments, terminal);

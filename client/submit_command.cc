@@ -3,6 +3,7 @@
 #include <vector>
 
 #include <CLI/CLI.hpp>
+#include <nlohmann/json.hpp>
 
 #include "absl/status/statusor.h"
 #include "absl/strings/str_cat.h"
@@ -69,7 +70,23 @@ absl::Status RunSubmit(const SubmitArguments& arguments,
 struct UploadArguments {
   std::vector<std::string> meshes;
   ConnectionFlags connection;
+  bool json = false;
 };
+
+std::string FormatUpload(const std::string& path, const v1::Digest& digest,
+                         bool known, bool json) {
+  if (!json) {
+    return absl::StrCat(digest.sha256(), "  ", path, known ? "  (known)" : "",
+                        "\n");
+  }
+  return nlohmann::ordered_json({{"path", path},
+                                 {"sha256", digest.sha256()},
+                                 {"size_bytes", digest.size_bytes()},
+                                 {"known", known}})
+             .dump(-1, ' ', /*ensure_ascii=*/false,
+                   nlohmann::ordered_json::error_handler_t::replace) +
+         "\n";
+}
 
 absl::Status RunUpload(const UploadArguments& arguments,
                        const Terminal& terminal) {
@@ -84,9 +101,7 @@ absl::Status RunUpload(const UploadArguments& arguments,
         client.UploadMesh(loaded.mesh, &digest, terminal.stop);
     if (!known.ok()) return server.Explain(known.status());
     ISOMATCH_RETURN_IF_ERROR(
-        Print(absl::StrCat(digest.sha256(), "  ", path,
-                           *known ? "  (known)" : "", "\n"),
-              terminal));
+        Print(FormatUpload(path, digest, *known, arguments.json), terminal));
   }
   return absl::OkStatus();
 }
@@ -118,6 +133,8 @@ Command AddUploadCommand(CLI::App& app) {
       ->add_option("MESH", arguments->meshes, "Mesh: .off, .obj, .ply or .stl")
       ->required();
   AddConnectionFlags(command, &arguments->connection, ServerUse::kNeeded);
+  command->add_flag("--json", arguments->json,
+                    "Print each mesh as JSON in a line of its own");
   command->footer(kUploadFooter);
   return {command, [arguments](const Terminal& terminal) {
             return RunUpload(*arguments, terminal);

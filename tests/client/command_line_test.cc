@@ -90,6 +90,7 @@ TEST_F(CommandLineTest, WrongUsageExitsWith2) {
   }
   ExpectUsageError({"match", a_, b_, "-o", map_, "--report", map_},
                    "is the file of --output too");
+  ExpectUsageError({"match", a_, b_, "--json"}, "expected -o FILE");
   ExpectUsageError({"match", missing, b_}, "X: '" + missing);
   ExpectUsageError({"match", a_, missing}, "Y: '" + missing);
   ExpectUsageError({"match", a_, b_, "-o", folder_.Path("no/map")},
@@ -120,8 +121,9 @@ TEST_F(CommandLineTest, MatchesEmbeddedAndByServerWithTheSameBytes) {
   MakePair(1500, 1200);
   const std::string report = folder_.Path("report.json");
   const CommandOutcome embedded =
-      Run({"match", a_, b_, "-o", map_, "--report", report});
+      Run({"match", a_, b_, "-o", map_, "--report", report, "--json"});
   ASSERT_EQ(embedded.status, kExitSuccess) << embedded.err;
+  EXPECT_EQ(embedded.out, *ReadFile(report, "a report"));
   EXPECT_THAT(embedded.err, HasSubstr(" %  "));
   const ServerProcess server(ISOMATCH_SERVER_BINARY);
   const CommandOutcome remote =

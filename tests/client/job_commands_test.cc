@@ -178,6 +178,17 @@ TEST_F(JobCommandsTest, CancelAndDeleteTryEveryJob) {
   EXPECT_THAT(Run({"list", "--names"}).out, running + "\n");
 }
 
+TEST_F(JobCommandsTest, CancelAndDeletePrintJsonOnDemand) {
+  const std::string running = SubmitToGate();
+  const std::string queued = Submit();
+  const CommandOutcome cancel = Run({"cancel", "--json", "jobs/none", queued});
+  EXPECT_EQ(json::parse(cancel.out)["state"], "STATE_CANCELLED");
+  const CommandOutcome deleted = Run({"delete", "--json", queued});
+  EXPECT_EQ(json::parse(deleted.out),
+            json({{"name", queued}, {"deleted", true}}));
+  gate_open_ = true;
+}
+
 TEST_F(JobCommandsTest, ListNarrowsByStateLabelAndNumber) {
   const std::string spring = Submit({"--label", "study=spring"});
   const std::string autumn = Submit({"--label", "study=autumn"});
@@ -207,6 +218,11 @@ TEST_F(JobCommandsTest, UploadSaysWhatTheServerKnew) {
   const CommandOutcome again = Run({"upload", x_});
   EXPECT_THAT(again.out, HasSubstr(x_ + "  (known)\n"));
   EXPECT_EQ(again.out.substr(0, 64), first.out.substr(0, 64));
+  const json line = json::parse(Run({"upload", x_, "--json"}).out);
+  EXPECT_EQ(line["sha256"], first.out.substr(0, 64));
+  EXPECT_EQ(line["path"], x_);
+  EXPECT_EQ(line["known"], true);
+  EXPECT_GT(line["size_bytes"], 10);
 }
 
 TEST_F(JobCommandsTest, InfoTellsLimitsAndLoad) {
