@@ -179,7 +179,8 @@ std::int64_t EstimateMemoryBytes(MeshSize x, MeshSize y,
     return bytes_x.*member + bytes_y.*member;
   };
   const double threads = Threads(options);
-  const double n = static_cast<double>(x.vertices + y.vertices);
+  const double n =
+      static_cast<double>(x.vertices) + static_cast<double>(y.vertices);
   const double fields = both(&ShapeBytes::working) + both(&ShapeBytes::fields);
   const double search =
       threads * (kSearchPerThread +
