@@ -137,7 +137,7 @@ struct MatchOptions {
   /// EstimateMemoryBytes holds: it uses fewer threads, then solves on fewer
   /// vertices (PlanWithinMemory), which changes the result and is a warning in
   /// it, or refuses. 0 for no limit. MatchPrepared takes shapes as they are and
-  /// ignores it.
+  /// refuses those that could not be decimated and do not fit.
   std::int64_t memory_limit_bytes = 0;
   /// Keeps the map after each stage in Correspondence::stage_maps.
   bool keep_stage_maps = false;

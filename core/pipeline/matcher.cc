@@ -247,6 +247,8 @@ absl::StatusOr<Correspondence> MatchPreparedHere(
   }
   ISOMATCH_RETURN_IF_ERROR(ValidateLandmarks(
       landmarks, own_x.mesh.num_vertices(), own_y.mesh.num_vertices()));
+  ISOMATCH_RETURN_IF_ERROR(CheckDecimated(SizesOf(own_x.prepared),
+                                          SizesOf(own_y.prepared), options));
   absl::StatusOr<Correspondence> result = absl::InternalError("not run");
   RunWithThreads(options.threads, [&] {
     ProgressReporter reporter(progress, StagePlan(options));

@@ -113,7 +113,13 @@ absl::StatusOr<MemoryPlan> PlanWithinMemory(MeshSize x, MeshSize y,
   return plan;
 }
 
-absl::Status CheckDecimated(MeshSize mesh, MeshSize left,
+bool IsDecimatedWell(MeshSize left, const MatchOptions& options) {
+  constexpr double kWell = 1.5;
+  return options.solved_vertices == 0 ||
+         static_cast<double>(left.vertices) <= kWell * options.solved_vertices;
+}
+
+absl::Status CheckDecimated(const DecimatedSize& x, const DecimatedSize& y,
                             const MatchOptions& options) {
   const std::int64_t limit = options.memory_limit_bytes;
   if (limit == 0) return absl::OkStatus();
@@ -121,14 +127,22 @@ absl::Status CheckDecimated(MeshSize mesh, MeshSize left,
                            2 * std::int64_t{options.solved_vertices}};
   MatchOptions as_it_is = options;
   as_it_is.solved_vertices = 0;
-  const std::int64_t planned = EstimateMemoryBytes(mesh, wanted, 0, options);
-  const std::int64_t more = EstimateMemoryBytes(left, wanted, 0, as_it_is) -
-                            EstimateMemoryBytes(wanted, wanted, 0, as_it_is);
-  if (more <= limit - planned) return absl::OkStatus();
+  const std::int64_t as_wanted =
+      EstimateMemoryBytes(wanted, wanted, 0, as_it_is);
+  std::int64_t needed = EstimateMemoryBytes(x.mesh, y.mesh, 0, options);
+  const DecimatedSize* worst = nullptr;
+  for (const DecimatedSize* size : {&x, &y}) {
+    if (IsDecimatedWell(size->left, options)) continue;
+    needed += EstimateMemoryBytes(size->left, wanted, 0, as_it_is) - as_wanted;
+    if (worst == nullptr || size->left.vertices > worst->left.vertices) {
+      worst = size;
+    }
+  }
+  if (worst == nullptr || needed <= limit) return absl::OkStatus();
   return absl::ResourceExhaustedError(absl::StrCat(
-      "a mesh of ", mesh.vertices, " vertices can be decimated to ",
-      left.vertices, " only, not ", wanted.vertices, ", and needs ",
-      planned + more, " bytes so, expected at most ", limit,
+      "a mesh of ", worst->mesh.vertices, " vertices can be decimated to ",
+      worst->left.vertices, " only, not ", wanted.vertices,
+      ", and the match needs ", needed, " bytes so, expected at most ", limit,
       "; is it a surface?"));
 }
 

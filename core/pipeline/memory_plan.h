@@ -34,11 +34,21 @@ absl::StatusOr<MemoryPlan> PlanWithinMemory(MeshSize x, MeshSize y,
                                             const MatchOptions& options,
                                             std::int64_t held_bytes = 0);
 
-/// Checks that matching stays within options.memory_limit_bytes although
-/// decimation, asked for options.solved_vertices, left `left` of a mesh.
-/// RESOURCE_EXHAUSTED, with both numbers, when it does not; without a limit all
-/// is well. The other mesh is taken for one that was decimated as asked.
-absl::Status CheckDecimated(MeshSize mesh, MeshSize left,
+/// A mesh and what decimation, where it was asked for, left of it.
+struct DecimatedSize {
+  MeshSize mesh;
+  MeshSize left;
+};
+
+/// Whether about as many vertices are left as options.solved_vertices asks for,
+/// or no decimation was asked for.
+bool IsDecimatedWell(MeshSize left, const MatchOptions& options);
+
+/// Checks that matching stays within options.memory_limit_bytes although a mesh
+/// could not be decimated well. RESOURCE_EXHAUSTED, with the numbers, when it
+/// does not; without a limit, or when both are decimated well, all is well. A
+/// mesh that is not known yet is taken for one of nothing.
+absl::Status CheckDecimated(const DecimatedSize& x, const DecimatedSize& y,
                             const MatchOptions& options);
 
 /// With fewer, maps of near-isometric shapes get noticeably worse; see

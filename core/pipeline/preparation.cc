@@ -52,6 +52,10 @@ absl::Status PrepareMeshes(std::array<std::optional<CleanMesh>, 2> meshes,
     return PrepareSurface(*std::move(meshes[side]), options, stop,
                           &(*prepared)[side]);
   }));
+  if (prepared != nullptr) {
+    ISOMATCH_RETURN_IF_ERROR(CheckDecimated(SizesOf((*prepared)[kX]),
+                                            SizesOf((*prepared)[kY]), options));
+  }
   progress->Begin(Stage::kGeodesics);
   ISOMATCH_RETURN_IF_ERROR(both([&](Side side) -> absl::Status {
     ISOMATCH_ASSIGN_OR_RETURN(

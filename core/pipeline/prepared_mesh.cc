@@ -15,7 +15,6 @@
 #include "core/mesh/nearest_vertices.h"
 #include "core/mesh/spatial_order.h"
 #include "core/mesh/topology.h"
-#include "core/pipeline/memory_plan.h"
 
 namespace isomatch {
 namespace {
@@ -183,9 +182,6 @@ void OrientAs(const WorkingMesh& full, CoarseLevel* coarse) {
   working.normals = VertexNormals(working.mesh);
 }
 
-/// More than this many times the vertices asked for is worth a warning.
-constexpr double kDecimatedWell = 1.5;
-
 absl::StatusOr<CoarseLevel> MakeCoarse(const WorkingMesh& full,
                                        VertexIndex vertices,
                                        const std::stop_token& stop) {
@@ -232,6 +228,10 @@ bool IsDecimated(std::int64_t num_vertices, const MatchOptions& options) {
          double(num_vertices) > kWorthIt * options.solved_vertices;
 }
 
+DecimatedSize SizesOf(const PreparedMesh& prepared) {
+  return {SizeOf(prepared.full.mesh), SizeOf(prepared.solved().mesh)};
+}
+
 absl::Status PrepareSurface(CleanMesh mesh, const MatchOptions& options,
                             const std::stop_token& stop,
                             PreparedMesh* prepared) {
@@ -243,12 +243,10 @@ absl::Status PrepareSurface(CleanMesh mesh, const MatchOptions& options,
   ISOMATCH_ASSIGN_OR_RETURN(
       prepared->coarse,
       MakeCoarse(prepared->full, options.solved_vertices, stop));
-  const VertexIndex left = prepared->solved().mesh.num_vertices();
-  if (left > kDecimatedWell * options.solved_vertices) {
-    ISOMATCH_RETURN_IF_ERROR(CheckDecimated(
-        SizeOf(prepared->full.mesh), SizeOf(prepared->solved().mesh), options));
+  const MeshSize left = SizeOf(prepared->solved().mesh);
+  if (!IsDecimatedWell(left, options)) {
     prepared->full.warnings.push_back(absl::StrCat(
-        "could be decimated to ", left, " vertices only, not ",
+        "could be decimated to ", left.vertices, " vertices only, not ",
         options.solved_vertices, ": matching takes longer and more memory"));
   }
   if (prepared->full.oriented && !prepared->solved().oriented) {

@@ -16,6 +16,7 @@
 #include "core/mesh/triangle_mesh.h"
 #include "core/mesh/vertex_stars.h"
 #include "core/pipeline/match_options.h"
+#include "core/pipeline/memory_plan.h"
 #include "core/spectral/cotan_laplacian.h"
 #include "core/spectral/spectral_basis.h"
 
@@ -83,6 +84,9 @@ struct PreparedMesh {
 
   const WorkingMesh& solved() const { return coarse ? coarse->working : full; }
 };
+
+/// How large it is, and how large what is solved on.
+DecimatedSize SizesOf(const PreparedMesh& prepared);
 
 /// Whether a mesh of that many vertices is decimated: more than
 /// options.solved_vertices by a tenth, unless that is 0.

@@ -5,6 +5,7 @@
 #include <map>
 #include <numbers>
 #include <numeric>
+#include <random>
 #include <utility>
 
 #include <Eigen/Geometry>
@@ -211,6 +212,23 @@ TriangleMesh Moved(const TriangleMesh& mesh, double scale) {
   result.positions = scale * (mesh.positions * rotation.transpose());
   result.positions.rowwise() += scale * Eigen::RowVector3d(3, -2, 5);
   return result;
+}
+
+TriangleMesh AnyFaces(VertexIndex vertices) {
+  std::mt19937 random(1);
+  const auto below = [&](VertexIndex end) {
+    return static_cast<VertexIndex>(random() % static_cast<unsigned>(end));
+  };
+  TriangleMesh mesh;
+  mesh.positions.resize(vertices, 3);
+  for (VertexIndex v = 0; v < vertices; ++v) {
+    mesh.positions.row(v) << below(1000), below(1000), below(1000);
+  }
+  mesh.faces.resize(Eigen::Index{3} * vertices, 3);
+  for (Eigen::Index f = 0; f < mesh.faces.rows(); ++f) {
+    mesh.faces.row(f) << below(vertices), below(vertices), below(vertices);
+  }
+  return mesh;
 }
 
 }  // namespace isomatch

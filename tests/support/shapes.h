@@ -55,4 +55,8 @@ double FractionRight(const std::vector<VertexIndex>& found,
 /// `mesh` scaled, rotated and shifted.
 TriangleMesh Moved(const TriangleMesh& mesh, double scale);
 
+/// `vertices` random places and three times as many faces between any of them:
+/// no surface at all.
+TriangleMesh AnyFaces(VertexIndex vertices);
+
 }  // namespace isomatch

@@ -2,8 +2,8 @@
 
 #include <cstdint>
 #include <limits>
-#include <random>
 #include <string>
+#include <utility>
 
 #include <gtest/gtest.h>
 
@@ -32,25 +32,6 @@ MatchOptions Limited(Profile profile, std::int64_t limit, int threads = 2) {
   options.memory_limit_bytes = limit;
   options.threads = threads;
   return options;
-}
-
-/// Three times as many faces as vertices, each on any three of them: no
-/// surface, and nothing of it can be decimated.
-TriangleMesh AnyFaces(VertexIndex vertices) {
-  std::mt19937 random(1);
-  const auto below = [&](VertexIndex end) {
-    return static_cast<VertexIndex>(random() % static_cast<unsigned>(end));
-  };
-  TriangleMesh mesh;
-  mesh.positions.resize(vertices, 3);
-  for (VertexIndex v = 0; v < vertices; ++v) {
-    mesh.positions.row(v) << below(1000), below(1000), below(1000);
-  }
-  mesh.faces.resize(Eigen::Index{3} * vertices, 3);
-  for (Eigen::Index f = 0; f < mesh.faces.rows(); ++f) {
-    mesh.faces.row(f) << below(vertices), below(vertices), below(vertices);
-  }
-  return mesh;
 }
 
 class MemoryPlanTest : public testing::TestWithParam<Profile> {};
@@ -142,11 +123,28 @@ INSTANTIATE_TEST_SUITE_P(Profiles, MemoryPlanTest,
 TEST(CheckDecimatedTest, WhatWasDecimatedAsAskedFits) {
   const MatchOptions options =
       Limited(Profile::kDefault, Estimate(MatchOptions(), 2));
-  EXPECT_THAT(CheckDecimated(kLarge, {4000, 8000}, options), IsOk());
-  EXPECT_THAT(CheckDecimated(kLarge, kLarge, options),
-              StatusIs(absl::StatusCode::kResourceExhausted,
-                       HasSubstr("to 100000 only, not 4000")));
-  EXPECT_THAT(CheckDecimated(kLarge, kLarge, MatchOptions()), IsOk());
+  const DecimatedSize well = {kLarge, {4000, 8000}};
+  const DecimatedSize badly = {kLarge, kLarge};
+  EXPECT_THAT(CheckDecimated(well, well, options), IsOk());
+  for (const auto& [x, y] : {std::pair(well, badly), std::pair(badly, well)}) {
+    EXPECT_THAT(CheckDecimated(x, y, options),
+                StatusIs(absl::StatusCode::kResourceExhausted,
+                         HasSubstr("to 100000 only, not 4000")));
+  }
+  EXPECT_THAT(CheckDecimated(badly, badly, MatchOptions()), IsOk());
+}
+
+TEST(CheckDecimatedTest, WhatFitsOnceNeedNotFitTwice) {
+  const DecimatedSize well = {{9000, 18000}, {4000, 8000}};
+  const DecimatedSize badly = {{9000, 18000}, {9000, 18000}};
+  MatchOptions options;
+  options.memory_limit_bytes = std::numeric_limits<std::int64_t>::max();
+  while (CheckDecimated(well, badly, options).ok()) {
+    options.memory_limit_bytes -= options.memory_limit_bytes / 64;
+  }
+  options.memory_limit_bytes += options.memory_limit_bytes / 32;
+  EXPECT_THAT(CheckDecimated(badly, well, options), IsOk());
+  EXPECT_FALSE(CheckDecimated(badly, badly, options).ok());
 }
 
 TEST(CheckDecimatedTest, AMeshThatCannotBeDecimatedStaysWithinItsLimit) {
@@ -159,6 +157,18 @@ TEST(CheckDecimatedTest, AMeshThatCannotBeDecimatedStaysWithinItsLimit) {
   EXPECT_THAT(Match(mesh, mesh, {}, options),
               StatusIs(absl::StatusCode::kResourceExhausted,
                        HasSubstr("can be decimated to 1")));
+}
+
+TEST(CheckDecimatedTest, PreparedShapesThatCouldNotBeDecimatedAreRefused) {
+  MatchOptions options;
+  options.solved_vertices = 1000;
+  const auto prepared = Prepare(AnyFaces(2500), options);
+  ASSERT_THAT(prepared, IsOk());
+  const MeshSize size = SizesOf(prepared->contents().prepared).mesh;
+  options.memory_limit_bytes = EstimateMemoryBytes(size, size, 0, options);
+  EXPECT_THAT(MatchPrepared(*prepared, *prepared, {}, options),
+              StatusIs(absl::StatusCode::kResourceExhausted,
+                       HasSubstr("can be decimated to 2")));
 }
 
 TEST(CheckDecimatedTest, WithoutALimitAMeshThatCannotBeDecimatedIsPrepared) {
