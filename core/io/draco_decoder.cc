@@ -34,6 +34,15 @@ constexpr std::int64_t kSlackBytes = 64;
 // Each costs tables of the size of the connectivity; ours needs one.
 constexpr int kMaxAttributeConnectivities = 16;
 
+// What decoding takes at most, the mesh that it returns included: for each face
+// and vertex that the headers claim, more for each connectivity of attributes,
+// and for each byte of attributes.
+constexpr std::int64_t kBytesPerFace = 80;
+constexpr std::int64_t kBytesPerVertex = 60;
+constexpr std::int64_t kBytesPerVertexOfResult = 40;
+constexpr std::int64_t kBytesPerFaceAndConnectivity = 20;
+constexpr std::int64_t kBytesPerAttributeByte = 3;
+
 // 1.5.5 still reads bitstreams of 2014, by code nobody writes for any more.
 constexpr int kMajorVersion = 2;
 constexpr int kMinorVersion = 2;
@@ -54,6 +63,11 @@ struct Budget {
   bool Refuse(const std::string& what) {
     excess = absl::InvalidArgumentError(what);
     return false;
+  }
+
+  bool Reserve(std::int64_t bytes) {
+    if (limits.reserve) excess = limits.reserve(bytes);
+    return excess.ok();
   }
 };
 
@@ -79,6 +93,13 @@ bool CheckCounts(const Counts& counts, Budget& budget) {
                      budget);
 }
 
+// REQUIRES: CheckCounts.
+std::int64_t ConnectivityBytes(const Counts& counts) {
+  return counts.faces * (kBytesPerFace + kBytesPerFaceAndConnectivity *
+                                             counts.attribute_connectivities) +
+         counts.vertices * kBytesPerVertex;
+}
+
 // The attributes are declared but not allocated yet when this is called.
 bool CheckAttributes(const draco::PointCloud& cloud, Budget& budget) {
   if (!CheckAtMost(cloud.num_points(), budget.limits.max_vertices, "points",
@@ -93,8 +114,10 @@ bool CheckAttributes(const draco::PointCloud& cloud, Budget& budget) {
   const std::int64_t plausible_bytes =
       kMaxAttributeBytesPerByte * (budget.stream_bytes + kSlackBytes);
   return CheckAtMost(
-      bytes, std::min(budget.limits.max_attribute_bytes, plausible_bytes),
-      "bytes of attributes", budget);
+             bytes,
+             std::min(budget.limits.max_attribute_bytes, plausible_bytes),
+             "bytes of attributes", budget) &&
+         budget.Reserve(bytes * kBytesPerAttributeByte);
 }
 
 // Both read a copy of the buffer: Draco reads the same bytes again.
@@ -123,7 +146,9 @@ class Bounded : public Decoder {
   bool DecodeConnectivity() override {
     Counts counts;
     return ReadCounts(*this->buffer(), *this, &counts) &&
-           CheckCounts(counts, budget_) && Decoder::DecodeConnectivity();
+           CheckCounts(counts, budget_) &&
+           budget_.Reserve(ConnectivityBytes(counts)) &&
+           Decoder::DecodeConnectivity();
   }
   bool DecodeAllAttributes() override {
     return CheckAttributes(*this->point_cloud(), budget_) &&
@@ -340,6 +365,12 @@ absl::StatusOr<TriangleMesh> InIdOrder(const draco::Mesh& mesh,
                             ReadIds(mesh, end));
   VertexIndex last = -1;
   for (const VertexIndex id : ids) last = std::max(last, id);
+  // The headers tell of points, not of the vertices beyond them.
+  if (limits.reserve) {
+    ISOMATCH_RETURN_IF_ERROR(limits.reserve(
+        kBytesPerVertexOfResult *
+        std::max<std::int64_t>(0, vertex_count - mesh.num_points())));
+  }
   TriangleMesh result{
       Positions::Zero(vertex_count != 0 ? vertex_count : last + 1, 3),
       ReadFaces(mesh)};

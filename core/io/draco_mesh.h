@@ -1,8 +1,10 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <string>
 
+#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/strings/string_view.h"
 #include "core/mesh/triangle_mesh.h"
@@ -24,6 +26,10 @@ struct DracoLimits {
   std::int64_t max_faces = 10'000'000;
   /// Sum over all attributes of points x stride.
   std::int64_t max_attribute_bytes = 512LL << 20;
+  /// Told how many bytes more than before decoding may take, its result
+  /// included, once the headers tell and before they are allocated; an error
+  /// ends it. Not called where empty.
+  std::function<absl::Status(std::int64_t more_bytes)> reserve;
 };
 
 /// Returns the mesh that `bytes` hold, its vertices numbered as `order` says.
@@ -37,7 +43,8 @@ struct DracoLimits {
 /// origin; with kDecoded it must equal the decoded count.
 ///
 /// INVALID_ARGUMENT: not a Draco triangle mesh, over a limit, a face index out
-/// of range, no positions, no or bad ids, another vertex count.
+/// of range, no positions, no or bad ids, another vertex count. What
+/// limits.reserve returned.
 absl::StatusOr<TriangleMesh> DecodeDraco(absl::string_view bytes,
                                          VertexOrder order,
                                          std::int64_t vertex_count,

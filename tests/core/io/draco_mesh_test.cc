@@ -3,14 +3,17 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
+#include <cstdio>
 #include <random>
 #include <tuple>
+#include <utility>
 #include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "tests/support/matchers.h"
+#include "tests/support/memory_growth.h"
 #include "tests/support/shapes.h"
 
 namespace isomatch {
@@ -215,6 +218,58 @@ TEST(DracoMeshTest, MissingIdsAreRefused) {
   EXPECT_THAT(DecodeDraco(encoded->bytes, VertexOrder::kIdAttribute, 0),
               StatusIs(absl::StatusCode::kInvalidArgument,
                        HasSubstr("name=vertex_id")));
+}
+
+TEST(DracoMeshTest, TakesNoMoreMemoryThanItReserves) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  GTEST_SKIP() << "sanitizers change what a process allocates";
+#endif
+  // Edgebreaker, also of what has to be cut into pieces, sequential, and
+  // vertices that the headers do not tell of.
+  const TriangleMesh closed = FiveArms(6);
+  const TriangleMesh isolated = WithIsolatedVertices(closed, 10);
+  const TriangleMesh any = AnyFaces(30'000);
+  for (const auto& [mesh, vertex_count] :
+       {std::pair(&closed, closed.num_vertices()),
+        std::pair(&any, any.num_vertices()),
+        std::pair(&isolated, isolated.num_vertices()),
+        std::pair(&closed, 1'000'000)}) {
+    const absl::StatusOr<EncodedMesh> encoded = EncodeDraco(*mesh);
+    ASSERT_THAT(encoded, IsOk());
+    std::int64_t reserved = 0;
+    DracoLimits limits;
+    limits.reserve = [&](std::int64_t bytes) {
+      reserved += bytes;
+      return absl::OkStatus();
+    };
+    const MemoryGrowth growth;
+    ASSERT_THAT(DecodeDraco(encoded->bytes, encoded->vertex_order, vertex_count,
+                            limits),
+                IsOk());
+    const std::int64_t taken = growth.Bytes();
+    EXPECT_LE(taken, reserved);
+    EXPECT_LE(reserved, 3 * taken);
+    std::printf("%d vertices: %.1f MiB reserved, %.1f taken\n", vertex_count,
+                static_cast<double>(reserved) / (1 << 20),
+                static_cast<double>(taken) / (1 << 20));
+  }
+}
+
+TEST(DracoMeshTest, WhatCannotBeReservedIsNotDecoded) {
+  const absl::StatusOr<EncodedMesh> encoded = EncodeDraco(UnitSphere(3));
+  ASSERT_THAT(encoded, IsOk());
+  int calls = 0;
+  for (int last = 1; last <= 2; ++last) {
+    calls = 0;
+    DracoLimits limits;
+    limits.reserve = [&](std::int64_t) {
+      return ++calls < last ? absl::OkStatus()
+                            : absl::ResourceExhaustedError("not now");
+    };
+    EXPECT_THAT(DecodeDraco(encoded->bytes, encoded->vertex_order, 0, limits),
+                StatusIs(absl::StatusCode::kResourceExhausted, "not now"));
+    EXPECT_EQ(calls, last);
+  }
 }
 
 TEST(DracoMeshTest, LimitsAreKept) {
