@@ -39,6 +39,10 @@ void LogState(const JobRecord& job, absl::Time now) {
                       {"tenant", job.tenant},
                       {"state", state},
                       {"seconds", seconds}};
+  if (!job.call_id.empty()) {
+    absl::StrAppend(&message, ", request ", job.call_id);
+    fields.push_back({"request_id", job.call_id});
+  }
   if (job.error) AddError(*job.error, message, fields);
   if (job.result) AddResult(job, message, fields);
   Log(job.error ? LogLevel::kWarning : LogLevel::kInfo, message, fields);

@@ -81,12 +81,25 @@ std::int64_t ChoosePreparedCacheBytes(const ServerConfig& config) {
   return std::min(config.prepared_cache_bytes, ChooseBudgetBytes(config) / 4);
 }
 
+// What is held beside the budget: unfinished uploads and requests, and the
+// meshes that one request at a time is decoded to. A quarter of the budget
+// together, which is what ChooseMemoryBudget leaves at least.
+
+std::int64_t UploadBytes(const ServerConfig& config) {
+  return std::min(config.blob_store_bytes / 2, ChooseBudgetBytes(config) / 16);
+}
+
+std::int64_t ReadingBytes(const ServerConfig& config) {
+  return ChooseBudgetBytes(config) / 16 * 3;
+}
+
 RequestLimits MakeRequestLimits(const ServerConfig& config) {
   RequestLimits limits;
   limits.max_request_bytes = config.max_request_bytes;
   limits.max_mesh_bytes = config.max_mesh_bytes;
   limits.max_bytes_per_tenant = config.max_bytes_per_tenant;
   limits.max_queued_jobs = config.max_queued_jobs;
+  limits.max_reading_bytes = ReadingBytes(config);
   return limits;
 }
 
@@ -189,8 +202,7 @@ Server::Impl::Impl(const ServerConfig& config, MatchEngine engine,
       stores_(std::move(stores)),
       prepared_(ChoosePreparedCacheBytes(config), stores_.prepared.get()),
       budget_(ChooseBudgetBytes(config) - ChoosePreparedCacheBytes(config)),
-      uploads_(
-          std::min(config.blob_store_bytes / 2, ChooseBudgetBytes(config) / 4)),
+      uploads_(UploadBytes(config)),
       runner_(std::move(engine), absl::Now,
               config.prepared_cache_bytes > 0 ? &prepared_ : nullptr),
       workers_(std::make_unique<ThreadPool>(config.workers)),
@@ -251,17 +263,23 @@ void Server::Impl::OnState(const JobRecord& job) {
 LoadFigures Server::Impl::ReadLoad() {
   const JobManager::Load load = manager_.load();
   const PreparedCache::Counts prepared = prepared_.counts();
-  return {.queued_jobs = load.queued_jobs,
-          .running_jobs = load.running_jobs,
-          .watchers = manager_.watchers().size(),
-          .memory_budget_bytes = budget_.total_bytes(),
-          .memory_reserved_bytes = budget_.reserved_bytes(),
-          .memory_measured_bytes = PeakResidentBytes(),
-          .stored_bytes = stores_.blobs->size_bytes(),
-          .prepared_bytes = prepared_.size_bytes(),
-          .prepared_in_memory = prepared.in_memory,
-          .prepared_on_disk = prepared.on_disk,
-          .prepared_missing = prepared.missing};
+  LoadFigures figures = {.running_jobs = load.running_jobs,
+                         .watchers = manager_.watchers().size(),
+                         .memory_budget_bytes = budget_.total_bytes(),
+                         .memory_reserved_bytes = budget_.reserved_bytes(),
+                         .memory_measured_bytes = PeakResidentBytes(),
+                         .stored_bytes = stores_.blobs->size_bytes(),
+                         .prepared_bytes = prepared_.size_bytes(),
+                         .prepared_in_memory = prepared.in_memory,
+                         .prepared_on_disk = prepared.on_disk,
+                         .prepared_missing = prepared.missing};
+  for (const auto& [priority, count] : manager_.queued_by_priority()) {
+    int& level = priority < 0    ? figures.queued_low
+                 : priority == 0 ? figures.queued_normal
+                                 : figures.queued_high;
+    level += count;
+  }
+  return figures;
 }
 
 std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>

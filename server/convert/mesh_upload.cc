@@ -8,7 +8,6 @@
 #include "core/base/status_macros.h"
 #include "server/convert/digest.h"
 #include "server/jobs/errors.h"
-#include "server/jobs/tenant_quota.h"
 
 namespace isomatch {
 
@@ -96,11 +95,13 @@ absl::Status MeshUpload::Store() {
   const std::string found = sha256_.HexDigest();
   if (found != key_.sha256) return DigestMismatch(key_.sha256, found);
   const auto size = static_cast<std::int64_t>(digest_.size_bytes());
-  ISOMATCH_RETURN_IF_ERROR(MakeTenantRoom(*parts_.blobs, key_, size,
-                                          parts_.limits.max_bytes_per_tenant));
-  const absl::Status put =
-      parts_.blobs->Put(key_, std::move(received_.bytes), Keep::kWhileRoom);
+  const std::int64_t most = parts_.limits.max_bytes_per_tenant;
+  const absl::Status put = parts_.blobs->PutWithin(
+      most, key_, std::move(received_.bytes), Keep::kWhileRoom);
   if (put.ok()) return put;
+  if (absl::IsFailedPrecondition(put)) {
+    return StorageQuota(key_.tenant, size, most);
+  }
   if (!absl::IsResourceExhausted(put)) return StorageFailed(put);
   return UploadQuota(size, kRetryUploadQuota);
 }

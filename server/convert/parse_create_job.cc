@@ -56,10 +56,27 @@ absl::StatusOr<absl::string_view> FindBytes(const v1::Mesh& mesh,
   return absl::string_view(*held);
 }
 
+/// DecodeDraco within max_reading_bytes, of which `held_bytes` are taken.
+absl::StatusOr<TriangleMesh> DecodeWithin(const RequestLimits& limits,
+                                          absl::string_view bytes,
+                                          VertexOrder order,
+                                          std::uint32_t vertex_count,
+                                          std::int64_t held_bytes) {
+  DracoLimits draco = limits.draco;
+  draco.reserve = [&](std::int64_t more_bytes) {
+    held_bytes += more_bytes;
+    return held_bytes <= limits.max_reading_bytes
+               ? absl::OkStatus()
+               : MeshesNeedMoreMemory(held_bytes, limits.max_reading_bytes);
+  };
+  return DecodeDraco(bytes, order, vertex_count, draco);
+}
+
 absl::StatusOr<TriangleMesh> ParseMesh(const v1::Mesh& mesh,
                                        const std::string& field,
                                        const ParseContext& context,
-                                       const std::string& tenant) {
+                                       const std::string& tenant,
+                                       std::int64_t held_bytes) {
   ISOMATCH_ASSIGN_OR_RETURN(
       const VertexOrder order,
       ParseVertexOrder(mesh.vertex_order(), field + ".vertex_order"));
@@ -72,7 +89,9 @@ absl::StatusOr<TriangleMesh> ParseMesh(const v1::Mesh& mesh,
   BlobStore::Blob held;
   ISOMATCH_ASSIGN_OR_RETURN(const absl::string_view bytes,
                             FindBytes(mesh, field, context, tenant, held));
-  auto decoded = DecodeDraco(bytes, order, mesh.vertex_count(), limits);
+  auto decoded = DecodeWithin(context.limits, bytes, order, mesh.vertex_count(),
+                              held_bytes);
+  if (absl::IsFailedPrecondition(decoded.status())) return decoded.status();
   if (!decoded.ok()) {
     return MeshMalformed(field + (held ? ".digest" : ".draco"),
                          std::string(decoded.status().message()));
@@ -273,9 +292,10 @@ absl::StatusOr<JobSpec> ParseCreateJob(const v1::CreateJobRequest& request,
   JobSpec spec;
   ISOMATCH_RETURN_IF_ERROR(ParseScalars(request, context, spec));
   ISOMATCH_ASSIGN_OR_RETURN(
-      spec.mesh_x, ParseMesh(request.mesh_x(), "mesh_x", context, tenant));
+      spec.mesh_x, ParseMesh(request.mesh_x(), "mesh_x", context, tenant, 0));
   ISOMATCH_ASSIGN_OR_RETURN(
-      spec.mesh_y, ParseMesh(request.mesh_y(), "mesh_y", context, tenant));
+      spec.mesh_y,
+      ParseMesh(request.mesh_y(), "mesh_y", context, tenant, MeshBytes(spec)));
   ISOMATCH_RETURN_IF_ERROR(ParseLandmarks(request, context, spec));
   ISOMATCH_RETURN_IF_ERROR(PlanMemory(context, spec));
   return spec;

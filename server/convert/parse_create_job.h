@@ -24,7 +24,7 @@ struct ParseContext {
 /// all checked; request_sha256 and inputs are left empty. Errors name the
 /// field: INVALID_ARGUMENT (INVALID_FIELD, MESH_MALFORMED, MESH_TOO_LARGE,
 /// MATCH_OUT_OF_RANGE, LANDMARKS_CONTRADICT), FAILED_PRECONDITION
-/// (MESH_MISSING).
+/// (MESH_MISSING, JOB_NEEDS_MORE_MEMORY_THAN_BUDGET).
 absl::StatusOr<JobSpec> ParseCreateJob(const v1::CreateJobRequest& request,
                                        const ParseContext& context,
                                        const std::string& tenant);

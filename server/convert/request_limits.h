@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 
 #include "core/io/draco_mesh.h"
 
@@ -16,6 +17,8 @@ struct RequestLimits {
   int max_landmarks = 10'000;
   int max_queued_jobs = 100;
   DracoLimits draco;
+  /// What the meshes of a request may take while they are decoded.
+  std::int64_t max_reading_bytes = std::numeric_limits<std::int64_t>::max();
 
   // Written in service.proto too.
   static constexpr int kMaxDigests = 1000;

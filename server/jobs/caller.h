@@ -19,6 +19,8 @@ struct Caller {
   /// Whose jobs, meshes and results it sees: 1 to 63 of a-z, 0-9, - and _.
   std::string tenant = "default";
   Role role = Role::kAdmin;
+  /// Of the call, for the log; empty when it is not known.
+  std::string call_id{};
 };
 
 /// read, submit or admin; the inverse returns nullopt for anything else.

@@ -20,6 +20,7 @@ constexpr char kMetadata[] = "isomatch/metadata/";
 
 /// Disks fill and empty slowly.
 constexpr absl::Duration kRetryStorageFailed = absl::Seconds(10);
+constexpr absl::Duration kRetryStorageQuota = absl::Seconds(10);
 
 using Metadata =
     std::initializer_list<std::pair<absl::string_view, std::string>>;
@@ -68,6 +69,17 @@ absl::Status Timeout(absl::string_view reason, absl::string_view what,
   const std::string text = absl::FormatDuration(limit);
   return Make(absl::StatusCode::kDeadlineExceeded, reason,
               absl::StrCat(what, " for more than ", text), {{"limit", text}});
+}
+
+absl::Status NeedsMoreMemory(absl::string_view what, std::int64_t needed_bytes,
+                             std::int64_t budget_bytes) {
+  return Make(
+      absl::StatusCode::kFailedPrecondition,
+      "JOB_NEEDS_MORE_MEMORY_THAN_BUDGET",
+      absl::StrCat(what, " may need ", needed_bytes, " bytes, the server has ",
+                   budget_bytes, " for that; retrying does not help"),
+      {{"needed_bytes", absl::StrCat(needed_bytes)},
+       {"budget_bytes", absl::StrCat(budget_bytes)}});
 }
 
 }  // namespace
@@ -170,14 +182,16 @@ absl::Status StorageFailed(const absl::Status& problem) {
 
 absl::Status StorageQuota(const std::string& tenant, std::int64_t size_bytes,
                           std::int64_t limit_bytes) {
-  return Make(absl::StatusCode::kResourceExhausted, "STORAGE_QUOTA",
-              absl::StrCat("no room for ", size_bytes, " bytes: ", tenant,
-                           " may have ", limit_bytes,
-                           " here, and jobs need what is there; wait for them, "
-                           "or delete jobs that have ended"),
-              {{"tenant", tenant},
-               {"size_bytes", absl::StrCat(size_bytes)},
-               {"limit_bytes", absl::StrCat(limit_bytes)}});
+  return WithRetry(
+      Make(absl::StatusCode::kResourceExhausted, "STORAGE_QUOTA",
+           absl::StrCat("no room for ", size_bytes, " bytes: ", tenant,
+                        " may have ", limit_bytes,
+                        " here, and jobs need what is there; wait for them, "
+                        "or delete jobs that have ended"),
+           {{"tenant", tenant},
+            {"size_bytes", absl::StrCat(size_bytes)},
+            {"limit_bytes", absl::StrCat(limit_bytes)}}),
+      kRetryStorageQuota);
 }
 
 absl::Status UploadQuota(std::int64_t size_bytes, absl::Duration retry_after) {
@@ -194,13 +208,12 @@ absl::Status OutOfMemory(absl::string_view message) {
 
 absl::Status JobNeedsMoreMemoryThanBudget(std::int64_t needed_bytes,
                                           std::int64_t budget_bytes) {
-  return Make(
-      absl::StatusCode::kFailedPrecondition,
-      "JOB_NEEDS_MORE_MEMORY_THAN_BUDGET",
-      absl::StrCat("the job may need ", needed_bytes, " bytes, the server has ",
-                   budget_bytes, "; retrying does not help"),
-      {{"needed_bytes", absl::StrCat(needed_bytes)},
-       {"budget_bytes", absl::StrCat(budget_bytes)}});
+  return NeedsMoreMemory("the job", needed_bytes, budget_bytes);
+}
+
+absl::Status MeshesNeedMoreMemory(std::int64_t needed_bytes,
+                                  std::int64_t budget_bytes) {
+  return NeedsMoreMemory("reading the meshes", needed_bytes, budget_bytes);
 }
 
 absl::Status MeshMissing(const std::string& field, const std::string& sha256) {

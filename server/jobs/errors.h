@@ -58,6 +58,8 @@ absl::Status OutOfMemory(
 
 absl::Status JobNeedsMoreMemoryThanBudget(std::int64_t needed_bytes,
                                           std::int64_t budget_bytes);
+absl::Status MeshesNeedMoreMemory(std::int64_t needed_bytes,
+                                  std::int64_t budget_bytes);
 absl::Status MeshMissing(const std::string& field, const std::string& sha256);
 absl::Status JobIsTerminal(const std::string& id, JobState state);
 absl::Status JobIsNotTerminal(const std::string& id, JobState state);

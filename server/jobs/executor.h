@@ -7,7 +7,9 @@
 
 namespace isomatch {
 
-/// Runs functions on threads of its own. Thread-safe.
+/// Runs functions on threads of its own. One that ends with std::bad_alloc does
+/// not end the process: a posted one is over, a timer's runs again soon.
+/// Thread-safe.
 class Executor {
  public:
   /// Dropping it calls the timer off, unless its function has begun.

@@ -6,7 +6,6 @@
 
 #include "core/base/status_macros.h"
 #include "server/jobs/errors.h"
-#include "server/jobs/tenant_quota.h"
 
 namespace isomatch {
 namespace {
@@ -35,6 +34,27 @@ void Rewind(JobRecord& record) {
 }
 
 }  // namespace
+
+/// Made before the lock is taken: what goes wrong on the way gives back what
+/// was taken, under the lock.
+class JobManager::Seat {
+ public:
+  Seat(JobManager* manager, std::string tenant)
+      : manager_(manager), tenant_(std::move(tenant)) {}
+  Seat(const Seat&) = delete;
+  Seat& operator=(const Seat&) = delete;
+  ~Seat() {
+    if (is_taken_) manager_->GivePlaceBack(tenant_);
+  }
+
+  const std::string& tenant() const { return tenant_; }
+  void SetTaken() { is_taken_ = true; }
+
+ private:
+  JobManager* const manager_;
+  const std::string tenant_;
+  bool is_taken_ = false;
+};
 
 JobManager::JobManager(const Limits& limits, const Parts& parts)
     : limits_(limits),
@@ -107,6 +127,11 @@ JobManager::Load JobManager::load() const {
   return {queue_.size(), running_, draining_};
 }
 
+std::map<std::int32_t, int> JobManager::queued_by_priority() const {
+  MutexLock lock(mutex_);
+  return queue_.CountByPriority();
+}
+
 JobSnapshot JobManager::SnapshotOf(JobRecord record) const {
   JobSnapshot snapshot{std::move(record), 0};
   if (snapshot.record.state == JobState::kQueued) {
@@ -120,23 +145,25 @@ JobSnapshot JobManager::SnapshotOf(JobRecord record) const {
 
 absl::StatusOr<JobManager::Place> JobManager::TakePlace(
     const Caller& caller, const std::string& request_id) {
+  const auto seat = std::make_shared<Seat>(this, caller.tenant);
   {
     MutexLock lock(mutex_);
-    auto place = TakePlaceLocked(caller.tenant);
-    if (place.ok() || request_id.empty()) return place;
+    const absl::Status taken = TakePlaceLocked(*seat);
+    if (taken.ok()) return seat;
+    if (request_id.empty()) return taken;
   }
   // The answer may be the job that the request has made before.
   if (parts_.jobs->FindByRequestId(caller.tenant, request_id)) return Place();
   MutexLock lock(mutex_);
-  return TakePlaceLocked(caller.tenant);  // there may be one by now
+  ISOMATCH_RETURN_IF_ERROR(TakePlaceLocked(*seat));  // there may be one by now
+  return seat;
 }
 
-absl::StatusOr<JobManager::Place> JobManager::TakePlaceLocked(
-    const std::string& tenant) {
-  ISOMATCH_RETURN_IF_ERROR(CheckPlaceLocked(tenant));
-  arriving_.insert(tenant);
-  return Place(
-      this, [tenant](JobManager* manager) { manager->GivePlaceBack(tenant); });
+absl::Status JobManager::TakePlaceLocked(Seat& seat) {
+  ISOMATCH_RETURN_IF_ERROR(CheckPlaceLocked(seat.tenant()));
+  arriving_.insert(seat.tenant());
+  seat.SetTaken();
+  return absl::OkStatus();
 }
 
 void JobManager::GivePlaceBack(const std::string& tenant) {
@@ -182,6 +209,7 @@ JobRecord JobManager::NewRecord(const Caller& caller,
                                 const JobSpec& spec) const {
   JobRecord record;
   record.tenant = caller.tenant;
+  record.call_id = caller.call_id;
   record.memory_estimate_bytes = parts_.runner->EstimateBytes(spec);
   record.create_time = parts_.now();
   record.labels = spec.labels;
@@ -255,11 +283,13 @@ absl::Status JobManager::StoreInput(const std::string& tenant,
     if (parts_.blobs->Pin(key)) return absl::OkStatus();
     return MeshMissing("digest", input.sha256);  // it went since it was read
   }
-  ISOMATCH_RETURN_IF_ERROR(MakeTenantRoom(
-      *parts_.blobs, key, static_cast<std::int64_t>(input.bytes->size()),
-      limits_.max_bytes_per_tenant));
+  const auto size = static_cast<std::int64_t>(input.bytes->size());
   const absl::Status put =
-      parts_.blobs->Put(key, *std::move(input.bytes), Keep::kPinned);
+      parts_.blobs->PutWithin(limits_.max_bytes_per_tenant, key,
+                              *std::move(input.bytes), Keep::kPinned);
+  if (absl::IsFailedPrecondition(put)) {
+    return StorageQuota(tenant, size, limits_.max_bytes_per_tenant);
+  }
   return put.ok() ? put : StorageFailed(put);
 }
 

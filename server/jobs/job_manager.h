@@ -3,6 +3,7 @@
 #include <atomic>
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <set>
@@ -135,7 +136,8 @@ class JobManager {
       const std::string& request_sha256) const;
 
   /// A place for one more job, given back when it goes.
-  using Place = std::shared_ptr<JobManager>;
+  class Seat;
+  using Place = std::shared_ptr<Seat>;
 
   /// Takes a place for a job of the caller: UNAVAILABLE (DRAINING),
   /// RESOURCE_EXHAUSTED (QUEUE_FULL, TENANT_QUOTA). Quick: spares the work of
@@ -173,6 +175,9 @@ class JobManager {
 
   Load load() const;
 
+  /// How many jobs wait, by priority.
+  std::map<std::int32_t, int> queued_by_priority() const;
+
   /// From now on Create answers DRAINING and no job starts. Without durable
   /// stores queued jobs become CANCELLED.
   void BeginDrain();
@@ -188,7 +193,7 @@ class JobManager {
   using Edit = std::function<absl::Status(JobRecord&)>;
 
   // A job's way in.
-  absl::StatusOr<Place> TakePlaceLocked(const std::string& tenant)
+  absl::Status TakePlaceLocked(Seat& seat)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status CheckPlaceLocked(const std::string& tenant) const
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
@@ -216,6 +221,7 @@ class JobManager {
   absl::StatusOr<RunOutcome> Execute(const LiveJob& live,
                                      const JobRecord& record);
   void ReportProgress(const std::string& id, const JobProgress& progress);
+  void FailToStart(const std::string& id, const absl::Status& error);
   void Finish(const JobRecord& record, absl::StatusOr<RunOutcome> outcome);
   absl::Status Succeed(const JobRecord& record, RunOutcome outcome);
   absl::Status StoreParts(const std::string& tenant,

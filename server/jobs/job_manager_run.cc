@@ -7,6 +7,7 @@
 #include "core/base/status_macros.h"
 #include "server/jobs/errors.h"
 #include "server/jobs/job_manager.h"
+#include "server/jobs/within_memory.h"
 #include "server/storage/sha256.h"
 
 namespace isomatch {
@@ -40,8 +41,12 @@ std::shared_ptr<LiveJob> JobManager::TakeNext() {
 }
 
 void JobManager::Run(std::shared_ptr<LiveJob> live) {
-  const auto record = Start(*live);
-  if (record.ok()) Finish(*record, Execute(*live, *record));
+  const auto record = WithinMemory([&] { return Start(*live); });
+  if (record.ok()) {
+    Finish(*record, WithinMemory([&] { return Execute(*live, *record); }));
+  } else if (absl::IsResourceExhausted(record.status())) {
+    FailToStart(live->id, record.status());
+  }
   ReleaseSlot(std::move(live));
   Dispatch();
 }
@@ -82,18 +87,31 @@ void JobManager::ReportProgress(const std::string& id,
   });
 }
 
+void JobManager::FailToStart(const std::string& id, const absl::Status& error) {
+  // However far it came.
+  FailIfStill(JobState::kQueued, id, error);
+  FailIfStill(JobState::kRunning, id, error);
+}
+
 void JobManager::Finish(const JobRecord& record,
                         absl::StatusOr<RunOutcome> outcome) {
   absl::Status status = outcome.status();
-  if (status.ok()) status = Succeed(record, *std::move(outcome));
+  if (status.ok()) {
+    status = WithinMemory([&] { return Succeed(record, *std::move(outcome)); });
+  }
   // Refused when it went back to the queue, was cancelled or timed out before.
   if (!status.ok()) Fail(record, status);
 }
 
 absl::Status JobManager::Succeed(const JobRecord& record, RunOutcome outcome) {
   JobResult& result = outcome.result;
-  ISOMATCH_RETURN_IF_ERROR(
-      StoreParts(record.tenant, std::move(outcome.parts), result));
+  const absl::Status stored = WithinMemory([&] {
+    return StoreParts(record.tenant, std::move(outcome.parts), result);
+  });
+  if (!stored.ok()) {
+    UnpinParts(record.tenant, result);
+    return stored;
+  }
   const absl::Status moved =
       Move(record.id, JobState::kSucceeded, [&](JobRecord& done) {
         done.result = result;
@@ -108,15 +126,13 @@ absl::Status JobManager::Succeed(const JobRecord& record, RunOutcome outcome) {
 absl::Status JobManager::StoreParts(const std::string& tenant,
                                     std::vector<EncodedPart> parts,
                                     JobResult& result) {
+  result.parts.reserve(parts.size());  // so that no part is put and not told
   for (EncodedPart& part : parts) {
     StoredPart stored{part.part, Sha256Hex(part.bytes),
                       static_cast<std::int64_t>(part.bytes.size())};
     const absl::Status put = parts_.blobs->Put(
         {tenant, stored.sha256}, std::move(part.bytes), Keep::kPinned);
-    if (!put.ok()) {
-      UnpinParts(tenant, result);
-      return StorageFailed(put);
-    }
+    if (!put.ok()) return StorageFailed(put);
     result.parts.push_back(std::move(stored));
   }
   return absl::OkStatus();

@@ -82,6 +82,16 @@ int JobQueue::JobsAhead(const std::string& id) const {
   return ahead;
 }
 
+std::map<std::int32_t, int> JobQueue::CountByPriority() const {
+  std::map<std::int32_t, int> counts;
+  for (const auto& [priority, tenants] : levels_) {
+    for (const auto& [tenant, jobs] : tenants) {
+      counts[priority] += static_cast<int>(jobs.size());
+    }
+  }
+  return counts;
+}
+
 int JobQueue::CountOf(const std::string& tenant) const {
   return CountIn(waiting_, tenant);
 }

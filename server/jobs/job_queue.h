@@ -72,6 +72,9 @@ class JobQueue {
 
   int size() const { return static_cast<int>(by_id_.size()); }
 
+  /// How many jobs wait, by priority.
+  std::map<std::int32_t, int> CountByPriority() const;
+
   /// Waiting jobs of one tenant.
   int CountOf(const std::string& tenant) const;
 

@@ -45,7 +45,10 @@ Metrics& NullMetrics();
 
 /// What is true at one moment.
 struct LoadFigures {
-  int queued_jobs = 0;
+  /// Of a priority below, at and above 0.
+  int queued_low = 0;
+  int queued_normal = 0;
+  int queued_high = 0;
   int running_jobs = 0;
   int watchers = 0;
   std::int64_t memory_budget_bytes = 0;

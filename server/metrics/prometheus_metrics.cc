@@ -58,6 +58,22 @@ MetricFamily MakeGauge(const std::string& name, const std::string& help,
   return family;
 }
 
+/// Few labels, however many priorities there are.
+MetricFamily QueuedJobs(const LoadFigures& load) {
+  MetricFamily family;
+  family.name = "isomatch_jobs_queued";
+  family.help = "Jobs that wait, by priority below, at and above 0";
+  family.type = prometheus::MetricType::Gauge;
+  for (const auto& [priority, count] : {std::pair("low", load.queued_low),
+                                        std::pair("normal", load.queued_normal),
+                                        std::pair("high", load.queued_high)}) {
+    family.metric.emplace_back();
+    family.metric.back().label = {{"priority", priority}};
+    family.metric.back().gauge.value = count;
+  }
+  return family;
+}
+
 /// A counter by where prepared meshes were found.
 MetricFamily PreparedTotal(const LoadFigures& load) {
   MetricFamily family;
@@ -87,7 +103,7 @@ class LoadCollector final : public prometheus::Collectable {
       return static_cast<double>(count);
     };
     return {
-        MakeGauge("jobs_queued", "Jobs that wait", load.queued_jobs),
+        QueuedJobs(load),
         MakeGauge("jobs_running", "Jobs that have a worker", load.running_jobs),
         MakeGauge("watchers", "WatchJob streams that are open", load.watchers),
         MakeGauge("memory_budget_bytes",
@@ -180,11 +196,11 @@ class PrometheusMetrics::Impl {
       AddHistogram("queue_wait_seconds", "From CreateJob to a worker")
           .Add({}, JobBuckets());
   Family<Histogram>& run =
-      AddHistogram("run_seconds", "How long terminal jobs had a worker");
+      AddHistogram("job_seconds", "How long terminal jobs had a worker");
   Family<Histogram>& stage =
-      AddHistogram("stage_seconds", "Stages of jobs that succeeded");
+      AddHistogram("run_seconds", "Stages of jobs that succeeded");
   Histogram& estimate_ratio =
-      AddHistogram("memory_estimate_ratio",
+      AddHistogram("memory_estimate_error_ratio",
                    "Memory estimate of a job over the measured peak")
           .Add({}, RatioBuckets());
   Counter& upload_bytes =

@@ -6,7 +6,9 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
 #include "absl/strings/string_view.h"
+#include "core/base/status_macros.h"
 #include "server/jobs/errors.h"
+#include "server/rpc/call_interceptor.h"
 
 namespace isomatch {
 namespace {
@@ -35,7 +37,10 @@ Access::Access(std::unique_ptr<ApiKeys> keys) : keys_(std::move(keys)) {}
 
 absl::StatusOr<Caller> Access::Identify(const grpc::CallbackServerContext& call,
                                         Role needed) const {
-  return IdentifyBy(call.client_metadata(), needed);
+  ISOMATCH_ASSIGN_OR_RETURN(Caller caller,
+                            IdentifyBy(call.client_metadata(), needed));
+  caller.call_id = CallIdOf(call.client_metadata());
+  return caller;
 }
 
 absl::StatusOr<Caller> Access::IdentifyBy(const Metadata& metadata,

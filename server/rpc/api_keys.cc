@@ -6,6 +6,7 @@
 
 #include <openssl/crypto.h>
 
+#include "absl/cleanup/cleanup.h"
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
@@ -155,11 +156,14 @@ bool ApiKeys::BeginCheck() {
 /// Reads the file and takes what is new. It is read whole, not only looked at:
 /// two writes within one tick of the file system's clock look the same.
 void ApiKeys::Check() {
+  const absl::Cleanup end_check = [this] {
+    MutexLock lock(mutex_);
+    checking_ = false;
+  };
   State state = Load(path_);
   const absl::Status loaded = state.keys.status();
   {
     MutexLock lock(mutex_);
-    checking_ = false;
     if (state.seen == seen_) return;
     seen_ = std::move(state.seen);
     if (loaded.ok()) {

@@ -135,7 +135,7 @@ class CallInterceptor final : public grpc::experimental::Interceptor {
       return batch->QueryInterceptionHookPoint(hook);
     };
     if (at(InterceptionHookPoints::POST_RECV_INITIAL_METADATA)) {
-      ReadMetadata(*batch->GetRecvInitialMetadata());
+      ReadMetadata(batch->GetRecvInitialMetadata());
     }
     if (at(InterceptionHookPoints::POST_RECV_MESSAGE)) {
       ReadJob(method_.job_of_request, batch->GetRecvMessage());
@@ -154,10 +154,13 @@ class CallInterceptor final : public grpc::experimental::Interceptor {
   }
 
  private:
-  void ReadMetadata(const Metadata& metadata) {
-    request_id_ = FindMetadata(metadata, kRequestIdKey, IsRequestId);
+  void ReadMetadata(Metadata* metadata) {
+    request_id_ = CallIdOf(*metadata);
     if (request_id_.empty()) request_id_ = observation_.new_id();
-    traceparent_ = FindMetadata(metadata, "traceparent", IsTraceparent);
+    traceparent_ = FindMetadata(*metadata, "traceparent", IsTraceparent);
+    // The handler reads it there while this, which holds the text, lives.
+    metadata->erase(kRequestIdKey);
+    metadata->emplace(kRequestIdKey, request_id_);
   }
 
   void ReadJob(JobOf job_of, const void* message) {
@@ -243,6 +246,10 @@ class CallInterceptors final
 std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>
 MakeCallInterceptors(CallObservation observation) {
   return std::make_unique<CallInterceptors>(std::move(observation));
+}
+
+std::string CallIdOf(const Metadata& metadata) {
+  return FindMetadata(metadata, kRequestIdKey, IsRequestId);
 }
 
 }  // namespace isomatch

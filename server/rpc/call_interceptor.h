@@ -1,10 +1,12 @@
 #pragma once
 
 #include <functional>
+#include <map>
 #include <memory>
 #include <string>
 
 #include <grpcpp/support/server_interceptor.h>
+#include <grpcpp/support/string_ref.h>
 
 #include "absl/time/time.h"
 #include "server/metrics/metrics.h"
@@ -25,8 +27,8 @@ struct CallObservation {
 /// Returns the maker of interceptors that, for each call,
 ///
 ///   1. take its request id from the metadata "x-request-id" if that is 1 to
-///      128 of A-Z a-z 0-9 . _ -, else make one, and send it back in the
-///      initial metadata;
+///      128 of A-Z a-z 0-9 . _ -, else make one, leave it there for the handler
+///      of the call (CallIdOf), and send it back in the initial metadata;
 ///   2. count the call, by method and code, when the status is sent;
 ///   3. log it then, with duration, peer, request id, the job it is about and
 ///      the client's "traceparent" if that is a W3C one.
@@ -34,5 +36,10 @@ struct CallObservation {
 /// No other metadata is read, so none can leak.
 std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>
 MakeCallInterceptors(CallObservation observation);
+
+/// The request id of a call, from its metadata; "" when no interceptor of the
+/// above has seen it and the client sent none.
+std::string CallIdOf(
+    const std::multimap<grpc::string_ref, grpc::string_ref>& metadata);
 
 }  // namespace isomatch

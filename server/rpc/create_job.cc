@@ -2,7 +2,6 @@
 
 #include <cstdint>
 #include <memory>
-#include <new>
 #include <optional>
 #include <string>
 #include <utility>
@@ -12,7 +11,7 @@
 #include "core/base/status_macros.h"
 #include "server/convert/job_proto.h"
 #include "server/convert/stored_request.h"
-#include "server/jobs/errors.h"
+#include "server/jobs/within_memory.h"
 #include "server/rpc/grpc_status.h"
 
 namespace isomatch {
@@ -35,14 +34,13 @@ absl::StatusOr<JobSnapshot> Create(const ServiceContext& context,
   return context.manager->Create(caller, std::move(spec), std::move(place));
 }
 
-absl::StatusOr<JobSnapshot> CreateWithinMemory(
-    const ServiceContext& context, const Caller& caller,
-    const v1::CreateJobRequest& request, JobManager::Place place) {
-  try {
-    return Create(context, caller, request, std::move(place));
-  } catch (const std::bad_alloc&) {  // a mesh that does not fit now
-    return OutOfMemory();
-  }
+absl::Status Answer(const ServiceContext& context, const Caller& caller,
+                    const v1::CreateJobRequest& request,
+                    JobManager::Place place, v1::CreateJobResponse& response) {
+  ISOMATCH_ASSIGN_OR_RETURN(const JobSnapshot snapshot,
+                            Create(context, caller, request, std::move(place)));
+  *response.mutable_job() = ToProto(snapshot);
+  return absl::OkStatus();
 }
 
 }  // namespace
@@ -72,10 +70,10 @@ grpc::ServerUnaryReactor* StartCreateJob(const ServiceContext& context,
       std::make_shared<MemoryBudget::Reservation>(*std::move(reserved));
   context.intake->Post([&context, caller, reactor, request, response, held,
                         place = std::move(place)]() mutable {
-    const auto snapshot =
-        CreateWithinMemory(context, caller, *request, std::move(place));
-    if (snapshot.ok()) *response->mutable_job() = ToProto(*snapshot);
-    reactor->Finish(ToGrpc(snapshot.status()));
+    const absl::Status answered = WithinMemory([&] {
+      return Answer(context, caller, *request, std::move(place), *response);
+    });
+    reactor->Finish(ToGrpc(answered));
   });
   return reactor;
 }

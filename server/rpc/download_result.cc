@@ -1,7 +1,6 @@
 #include "server/rpc/download_result.h"
 
 #include <cstdint>
-#include <new>
 #include <string>
 #include <utility>
 
@@ -9,23 +8,13 @@
 #include "server/convert/job_name.h"
 #include "server/convert/job_proto.h"
 #include "server/jobs/errors.h"
+#include "server/jobs/within_memory.h"
 #include "server/rpc/grpc_status.h"
 
 namespace isomatch {
 namespace {
 
 constexpr size_t kChunkBytes = size_t{256} << 10;
-
-absl::StatusOr<JobPart> GetWithinMemory(const ServiceContext& context,
-                                        const Caller& caller,
-                                        const std::string& id,
-                                        ResultPart part) {
-  try {
-    return context.manager->GetPart(caller, id, part);
-  } catch (const std::bad_alloc&) {  // a part that does not fit now
-    return OutOfMemory();
-  }
-}
 
 absl::StatusOr<JobPart> FindRequested(
     const ServiceContext& context, const Caller& caller,
@@ -34,7 +23,7 @@ absl::StatusOr<JobPart> FindRequested(
   ISOMATCH_ASSIGN_OR_RETURN(const ResultPart wanted,
                             ParseResultPart(request.part(), "part"));
   ISOMATCH_ASSIGN_OR_RETURN(JobPart found,
-                            GetWithinMemory(context, caller, id, wanted));
+                            context.manager->GetPart(caller, id, wanted));
   if (request.offset() > found.bytes->size()) {
     return OffsetOutOfRange(request.offset(), found.part.bytes);
   }
@@ -73,7 +62,11 @@ class DownloadReactor final
   void OnWriteDone(bool ok) override {
     if (!ok) return Finish(grpc::Status::CANCELLED);
     if (offset_ == part_->bytes->size()) return Finish(grpc::Status::OK);
-    response_.set_chunk(part_->bytes->substr(offset_, kChunkBytes));
+    const absl::Status taken = WithinMemory([&] {
+      response_.set_chunk(part_->bytes->substr(offset_, kChunkBytes));
+      return absl::OkStatus();
+    });
+    if (!taken.ok()) return Finish(ToGrpc(taken));
     offset_ += response_.chunk().size();
     StartWrite(&response_);
   }
@@ -91,8 +84,9 @@ class DownloadReactor final
 grpc::ServerWriteReactor<v1::DownloadResultResponse>* StartDownloadResult(
     const ServiceContext& context, const Caller& caller,
     const v1::DownloadResultRequest& request) {
-  return new DownloadReactor(FindRequested(context, caller, request),
-                             request.offset());
+  return new DownloadReactor(
+      WithinMemory([&] { return FindRequested(context, caller, request); }),
+      request.offset());
 }
 
 }  // namespace isomatch

@@ -3,7 +3,6 @@
 #include <atomic>
 #include <cstdint>
 #include <memory>
-#include <new>
 #include <string>
 #include <utility>
 
@@ -12,6 +11,7 @@
 #include "core/base/mutex.h"
 #include "server/convert/mesh_upload.h"
 #include "server/jobs/errors.h"
+#include "server/jobs/within_memory.h"
 #include "server/rpc/grpc_status.h"
 
 namespace isomatch {
@@ -51,7 +51,8 @@ class UploadMeshReactor final
     if (!ok) return OnEndOfStream();
     context_.metrics->Uploaded(
         static_cast<std::int64_t>(request_.chunk().size()));
-    const absl::Status taken = TakeWithinMemory();
+    const absl::Status taken =
+        WithinMemory([&] { return upload_.Take(request_); });
     if (!taken.ok()) return FinishOnce(ToGrpc(taken));
     if (upload_.known()) return FinishWithAnswer();
     StartRead(&request_);
@@ -66,21 +67,13 @@ class UploadMeshReactor final
   }
 
  private:
-  absl::Status TakeWithinMemory() {
-    try {
-      return upload_.Take(request_);
-    } catch (const std::bad_alloc&) {
-      return OutOfMemory();
-    }
-  }
-
   /// The client is done, or the call has ended already.
   void OnEndOfStream() {
     {
       MutexLock lock(mutex_);
       if (finished_) return;
     }
-    const absl::Status stored = upload_.End();
+    const absl::Status stored = WithinMemory([&] { return upload_.End(); });
     if (!stored.ok()) return FinishOnce(ToGrpc(stored));
     FinishWithAnswer();
   }

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "absl/status/status.h"
+#include "core/base/mutex.h"
 
 namespace isomatch {
 
@@ -43,6 +44,11 @@ class BlobStore {
   virtual absl::Status Put(const BlobKey& key, std::string bytes,
                            Keep keep) = 0;
 
+  /// As Put, but FAILED_PRECONDITION when MakeTenantRoom finds no room within
+  /// `tenant_limit` (0: no limit), also with all else that arrives this way.
+  absl::Status PutWithin(std::int64_t tenant_limit, const BlobKey& key,
+                         std::string bytes, Keep keep);
+
   /// As Put of what is there already with kPinned; false when it is not there.
   virtual bool Pin(const BlobKey& key) = 0;
 
@@ -67,6 +73,10 @@ class BlobStore {
 
   /// Bytes of all blobs.
   virtual std::int64_t size_bytes() const = 0;
+
+ private:
+  /// From asking for room to having used it.
+  Mutex put_within_;
 };
 
 }  // namespace isomatch

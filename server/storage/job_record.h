@@ -163,6 +163,8 @@ struct JobRecord {
   std::map<std::string, std::string> labels;
   /// Empty for none; otherwise no other job of the tenant has it.
   std::string request_id;
+  /// The x-request-id of the CreateJob call; of the log, not of the job.
+  std::string call_id;
   /// SHA-256 of the request that came with `request_id`.
   std::string request_sha256;
   /// Jobs of a higher one start first.

@@ -75,7 +75,7 @@ NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE_WITH_DEFAULT(
     run_seconds, peak_resident_bytes, warnings, profile, random_seed)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE_WITH_DEFAULT(
     JobRecord, id, tenant, state, progress, memory_estimate_bytes, error,
-    result, create_time, start_time, end_time, labels, request_id,
+    result, create_time, start_time, end_time, labels, request_id, call_id,
     request_sha256, priority, threads, attempt, queue_timeout, run_timeout,
     cancel_when_unwatched, inputs, sequence, number)
 

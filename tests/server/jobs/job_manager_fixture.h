@@ -37,6 +37,19 @@ class JobStoreWithHook : public MemoryJobStore {
   std::function<void()> before_find;
 };
 
+/// Lets something happen just before a blob is put.
+class BlobStoreWithHook : public MemoryBlobStore {
+ public:
+  using MemoryBlobStore::MemoryBlobStore;
+
+  absl::Status Put(const BlobKey& key, std::string bytes, Keep keep) override {
+    if (before_put) before_put();
+    return MemoryBlobStore::Put(key, std::move(bytes), keep);
+  }
+
+  std::function<void()> before_put;
+};
+
 /// A manager whose jobs run when the test says so. A job needs as many bytes as
 /// it has landmarks; `during_match` is what it does while it runs.
 class JobManagerTest : public testing::Test {
@@ -138,7 +151,7 @@ class JobManagerTest : public testing::Test {
   std::function<absl::Status(std::stop_token)> during_match_ =
       [](const std::stop_token&) { return absl::OkStatus(); };
   JobStoreWithHook jobs_;
-  MemoryBlobStore blobs_{kBlobBytes};
+  BlobStoreWithHook blobs_{kBlobBytes};
   MemoryBudget budget_{kBudget};
   JobRunner runner_{FakeEngine(), absl::Now};
   ManualExecutor workers_;

@@ -1,5 +1,6 @@
 // What becomes of the parts of results that JobManager stores.
 
+#include <new>
 #include <string>
 
 #include <gmock/gmock.h>
@@ -62,6 +63,22 @@ TEST_F(JobPartsTest, APartWithoutRoomFailsTheJobAndLetsGoOfTheOthers) {
   EXPECT_EQ(StateOf(id), "FAILED");
   EXPECT_EQ(FailureOf(id), "STORAGE_FAILED");
   EXPECT_TRUE(AllRoomIsFree());
+}
+
+TEST_F(JobPartsTest, APartThatFindsNoMemoryFailsItsJobOnly) {
+  found_ = AllParts();
+  const std::string bad = Create();
+  const std::string good = Create();
+  int puts = 0;
+  blobs_.before_put = [&] {
+    if (++puts == 3) throw std::bad_alloc();
+  };
+  EXPECT_TRUE(workers_.RunNext());
+  EXPECT_EQ(StateOf(bad), "FAILED");
+  EXPECT_EQ(FailureOf(bad), "OUT_OF_MEMORY");
+  EXPECT_TRUE(AllRoomIsFree());
+  EXPECT_TRUE(workers_.RunNext());
+  EXPECT_EQ(StateOf(good), "SUCCEEDED");
 }
 
 TEST_F(JobPartsTest, OnlySoManyTerminalJobsAreKeptWithTheirResults) {

@@ -4,6 +4,7 @@
 #include <random>
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <gmock/gmock.h>
@@ -37,6 +38,19 @@ TEST(JobQueueTest, IsFirstComeFirstServedWhenAllFit) {
   EXPECT_EQ(IdOf(queue.PopFitting(budget)), "a");
   EXPECT_EQ(IdOf(queue.PopFitting(budget)), "b");
   EXPECT_EQ(IdOf(queue.PopFitting(budget)), "none");
+}
+
+TEST(JobQueueTest, CountsByPriority) {
+  JobQueue queue(2);
+  EXPECT_TRUE(queue.CountByPriority().empty());
+  queue.Push(NewJob("a", 1, "x", 5));
+  queue.Push(NewJob("b", 1, "y", 5));
+  queue.Push(NewJob("c", 1, "y", -1));
+  using testing::ElementsAre;
+  EXPECT_THAT(queue.CountByPriority(),
+              ElementsAre(std::pair(-1, 1), std::pair(5, 2)));
+  queue.Remove("a");
+  EXPECT_EQ(queue.CountByPriority()[5], 1);
 }
 
 TEST(JobQueueTest, ASmallJobPassesALargeOneOnlySoManyTimes) {

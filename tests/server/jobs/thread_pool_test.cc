@@ -3,6 +3,7 @@
 #include <atomic>
 #include <latch>
 #include <memory>
+#include <new>
 
 #include <gtest/gtest.h>
 
@@ -47,6 +48,26 @@ TEST(ThreadPoolTest, ADroppedTimerNeverRunsAndHoldsNothingUp) {
   }
   EXPECT_FALSE(ran);
   EXPECT_LT(absl::Now() - begin, absl::Seconds(10));
+}
+
+TEST(ThreadPoolTest, ATaskThatFindsNoMemoryLeavesTheOthersAlone) {
+  std::latch ran(1);
+  ThreadPool pool(1);
+  pool.Post([] { throw std::bad_alloc(); });
+  pool.Post([&] { ran.count_down(); });
+  ran.wait();
+}
+
+TEST(ThreadPoolTest, ATimerThatFindsNoMemoryRunsAgain) {
+  std::atomic<int> runs = 0;
+  std::latch third(1);
+  ThreadPool pool(1);
+  const auto timer = pool.PostAfter(absl::ZeroDuration(), [&] {
+    if (++runs < 3) throw std::bad_alloc();
+    third.count_down();
+  });
+  third.wait();
+  EXPECT_EQ(runs, 3);
 }
 
 }  // namespace

@@ -32,6 +32,15 @@ TEST(JobLogTest, EveryStateIsALine) {
   EXPECT_EQ(line["seconds"], 3);
 }
 
+TEST(JobLogTest, TheCallThatMadeItIsTold) {
+  JobRecord job = Job(JobState::kRunning);
+  job.call_id = "r1";
+  const nlohmann::json line = Logged(job);
+  EXPECT_EQ(line["request_id"], "r1");
+  EXPECT_EQ(line["message"], "job abc RUNNING after 3.0 s, request r1");
+  EXPECT_FALSE(Logged(Job(JobState::kRunning)).contains("request_id"));
+}
+
 TEST(JobLogTest, AFailureIsAWarningWithReasonAndCode) {
   JobRecord job = Job(JobState::kFailed);
   job.error = JobError{absl::StatusCode::kDeadlineExceeded, "RUN_TIMEOUT",

@@ -20,7 +20,8 @@ constexpr char kFreePort[] = "127.0.0.1:0";
 
 TEST(PrometheusMetricsTest, TellsTheLoadOfTheMomentOfTheScrape) {
   PrometheusMetrics metrics("1.2.3");
-  LoadFigures load{.queued_jobs = 3,
+  LoadFigures load{.queued_low = 1,
+                   .queued_normal = 3,
                    .running_jobs = 2,
                    .watchers = 5,
                    .memory_budget_bytes = 4096,
@@ -28,20 +29,23 @@ TEST(PrometheusMetricsTest, TellsTheLoadOfTheMomentOfTheScrape) {
                    .memory_measured_bytes = 2048,
                    .stored_bytes = 77};
   ASSERT_THAT(metrics.Listen(kFreePort, [&] { return load; }), IsOk());
+  EXPECT_THAT(
+      HttpGet(metrics.address(), "/metrics"),
+      AllOf(StartsWith("HTTP/1.1 200"),
+            HasSubstr("# TYPE isomatch_jobs_queued gauge\n"),
+            HasSubstr("\nisomatch_jobs_queued{priority=\"low\"} 1\n"),
+            HasSubstr("\nisomatch_jobs_queued{priority=\"normal\"} 3\n"),
+            HasSubstr("\nisomatch_jobs_queued{priority=\"high\"} 0\n"),
+            HasSubstr("\nisomatch_jobs_running 2\n"),
+            HasSubstr("\nisomatch_watchers 5\n"),
+            HasSubstr("\nisomatch_memory_budget_bytes 4096\n"),
+            HasSubstr("\nisomatch_memory_reserved_bytes 1024\n"),
+            HasSubstr("\nisomatch_memory_measured_bytes 2048\n"),
+            HasSubstr("\nisomatch_stored_bytes 77\n"),
+            HasSubstr("\nisomatch_build_info{version=\"1.2.3\"} 1\n")));
+  load.queued_normal = 4;
   EXPECT_THAT(HttpGet(metrics.address(), "/metrics"),
-              AllOf(StartsWith("HTTP/1.1 200"),
-                    HasSubstr("# TYPE isomatch_jobs_queued gauge\n"),
-                    HasSubstr("\nisomatch_jobs_queued 3\n"),
-                    HasSubstr("\nisomatch_jobs_running 2\n"),
-                    HasSubstr("\nisomatch_watchers 5\n"),
-                    HasSubstr("\nisomatch_memory_budget_bytes 4096\n"),
-                    HasSubstr("\nisomatch_memory_reserved_bytes 1024\n"),
-                    HasSubstr("\nisomatch_memory_measured_bytes 2048\n"),
-                    HasSubstr("\nisomatch_stored_bytes 77\n"),
-                    HasSubstr("\nisomatch_build_info{version=\"1.2.3\"} 1\n")));
-  load.queued_jobs = 4;
-  EXPECT_THAT(HttpGet(metrics.address(), "/metrics"),
-              HasSubstr("\nisomatch_jobs_queued 4\n"));
+              HasSubstr("\nisomatch_jobs_queued{priority=\"normal\"} 4\n"));
 }
 
 TEST(PrometheusMetricsTest, CountsWhatHappens) {
@@ -63,10 +67,12 @@ TEST(PrometheusMetricsTest, CountsWhatHappens) {
             HasSubstr("isomatch_queue_wait_seconds_bucket{le=\"2\"} 0\n"),
             HasSubstr("isomatch_queue_wait_seconds_bucket{le=\"5\"} 1\n"),
             HasSubstr("isomatch_queue_wait_seconds_sum 3\n"),
-            HasSubstr("isomatch_run_seconds_sum{state=\"FAILED\"} 40\n"),
-            HasSubstr("isomatch_stage_seconds_sum{stage=\"zoomout\"} 7\n"),
-            HasSubstr("isomatch_memory_estimate_ratio_bucket{le=\"1\"} 0\n"),
-            HasSubstr("isomatch_memory_estimate_ratio_bucket{le=\"1.25\"} 1\n"),
+            HasSubstr("isomatch_job_seconds_sum{state=\"FAILED\"} 40\n"),
+            HasSubstr("isomatch_run_seconds_sum{stage=\"zoomout\"} 7\n"),
+            HasSubstr(
+                "isomatch_memory_estimate_error_ratio_bucket{le=\"1\"} 0\n"),
+            HasSubstr(
+                "isomatch_memory_estimate_error_ratio_bucket{le=\"1.25\"} 1\n"),
             HasSubstr("isomatch_upload_bytes_total 123\n"),
             HasSubstr("isomatch_grpc_server_handled_total{code=\"OK\",method="
                       "\"s/M\"} 1\n"),

@@ -76,11 +76,11 @@ TEST_F(ServerMetricsTest, AJobThatRanIsSeen) {
       text,
       AllOf(HasSubstr("isomatch_jobs_total{reason=\"\",state=\"SUCCEEDED\"} 1"),
             HasSubstr("isomatch_queue_wait_seconds_count 1\n"),
-            HasSubstr("isomatch_run_seconds_count{state=\"SUCCEEDED\"} 1\n"),
-            HasSubstr("isomatch_stage_seconds_count{stage=\"geodesics\"} 1\n"),
-            HasSubstr("isomatch_stage_seconds_count{stage=\"dense_map\"} 1\n"),
-            HasSubstr("isomatch_memory_estimate_ratio_count 1\n"),
-            HasSubstr("isomatch_jobs_queued 0\n"),
+            HasSubstr("isomatch_job_seconds_count{state=\"SUCCEEDED\"} 1\n"),
+            HasSubstr("isomatch_run_seconds_count{stage=\"geodesics\"} 1\n"),
+            HasSubstr("isomatch_run_seconds_count{stage=\"dense_map\"} 1\n"),
+            HasSubstr("isomatch_memory_estimate_error_ratio_count 1\n"),
+            HasSubstr("isomatch_jobs_queued{priority=\"normal\"} 0\n"),
             HasSubstr(absl::StrCat("isomatch_build_info{version=\"", kVersion,
                                    "\"} 1\n"))));
   EXPECT_THAT(text,
@@ -94,17 +94,20 @@ TEST_F(ServerMetricsTest, GaugesAreThoseOfTheMoment) {
   gate_open_ = false;
   const std::string running = CreateJob();
   WaitForMatches(1);
-  const std::string queued = CreateJob();
+  v1::CreateJobRequest urgent = SphereJob();
+  urgent.set_priority(7);
+  const std::string queued = CreateJob(urgent);
   grpc::ClientContext context;
   v1::WatchJobRequest request;
   request.set_name(running);
   const auto watch = stub_->WatchJob(&context, request);
   v1::WatchJobResponse response;
   ASSERT_TRUE(watch->Read(&response));
-  EXPECT_THAT(Scrape(), AllOf(HasSubstr("isomatch_jobs_queued 1\n"),
-                              HasSubstr("isomatch_jobs_running 1\n"),
-                              HasSubstr("isomatch_watchers 1\n"),
-                              Not(HasSubstr("memory_reserved_bytes 0\n"))));
+  EXPECT_THAT(Scrape(),
+              AllOf(HasSubstr("isomatch_jobs_queued{priority=\"high\"} 1\n"),
+                    HasSubstr("isomatch_jobs_running 1\n"),
+                    HasSubstr("isomatch_watchers 1\n"),
+                    Not(HasSubstr("memory_reserved_bytes 0\n"))));
   context.TryCancel();
   WaitFor("isomatch_watchers 0\n");
   WaitFor(
@@ -114,10 +117,10 @@ TEST_F(ServerMetricsTest, GaugesAreThoseOfTheMoment) {
   WaitFor("isomatch_jobs_running 0\n");
   EXPECT_THAT(
       Scrape(),
-      AllOf(HasSubstr("isomatch_jobs_queued 0\n"),
+      AllOf(HasSubstr("isomatch_jobs_queued{priority=\"normal\"} 0\n"),
             HasSubstr("isomatch_memory_reserved_bytes 0\n"),
             HasSubstr("isomatch_jobs_total{reason=\"\",state=\"CANCELLED\"} 2"),
-            HasSubstr("isomatch_run_seconds_count{state=\"CANCELLED\"} 1\n")));
+            HasSubstr("isomatch_job_seconds_count{state=\"CANCELLED\"} 1\n")));
 }
 
 TEST_F(ServerMetricsTest, UploadsAreCountedAndKept) {

@@ -144,6 +144,31 @@ TEST_F(CallInterceptorTest, ALineNamesTheJobThatTheCallIsAbout) {
   EXPECT_EQ(watched[0]["job"], id);
 }
 
+TEST_F(CallInterceptorTest, EveryLineOfAJobHasTheRequestIdOfItsCall) {
+  // One id that the client chose, and one that the server made.
+  for (const std::string given : {"r1", ""}) {
+    grpc::ClientContext context;
+    if (!given.empty()) context.AddMetadata("x-request-id", given);
+    v1::CreateJobResponse response;
+    ASSERT_TRUE(stub_->CreateJob(&context, SphereJob(), &response).ok());
+    Watch(response.job().name());
+    const std::vector<std::string> returned = Returned(context);
+    ASSERT_EQ(returned.size(), 1);
+    EXPECT_THAT(returned[0], HasSubstr(given));
+    int lines = 0;
+    for (const json& line : log_.lines()) {
+      if (!line.contains("state")) continue;
+      if (absl::StrCat("jobs/", line["job"].get<std::string>()) !=
+          response.job().name()) {
+        continue;
+      }
+      ++lines;
+      EXPECT_EQ(line["request_id"], returned[0]) << line;
+    }
+    EXPECT_EQ(lines, 3);  // QUEUED, RUNNING, SUCCEEDED
+  }
+}
+
 TEST_F(CallInterceptorTest, KeysAndMeshesStayOutOfTheLog) {
   const v1::CreateJobRequest request = SphereJob();
   grpc::ClientContext context;

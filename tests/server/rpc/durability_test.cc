@@ -1,3 +1,5 @@
+#include <filesystem>
+#include <fstream>
 #include <memory>
 #include <string>
 #include <thread>
@@ -27,6 +29,9 @@ class DurabilityTest : public TestServer {
   }
 
   void Again() { Restart(Durable()); }
+
+  /// Of the only tenant.
+  std::string Blobs() const { return folder_.Path("data/blobs/default"); }
 
   grpc::Status Download(const std::string& name, std::string& bytes) {
     grpc::ClientContext context;
@@ -148,6 +153,28 @@ TEST_F(DurabilityTest, UploadedMeshesNeedNotBeSentAgain) {
   EXPECT_EQ(missing.missing_size(), 0);
   EXPECT_EQ(Watch(CreateJob(by_digest)).back().state(),
             v1::Job::STATE_SUCCEEDED);
+}
+
+TEST_F(DurabilityTest, AResultWhoseFileIsGoneIsLost) {
+  const std::string name = CreateJob();
+  Watch(name);
+  std::filesystem::remove_all(Blobs());
+  std::string bytes;
+  const CallError error = ErrorOf(Download(name, bytes));
+  EXPECT_EQ(error.code, grpc::StatusCode::DATA_LOSS);
+  EXPECT_EQ(error.reason, "CONTENT_LOST");
+  EXPECT_EQ(bytes, "");
+}
+
+TEST_F(DurabilityTest, AJobThatCannotBeStoredIsNotAccepted) {
+  std::filesystem::remove_all(Blobs());
+  std::ofstream(Blobs()) << "no folder";
+  const CallError error = CreateError(SphereJob());
+  EXPECT_EQ(error.code, grpc::StatusCode::UNAVAILABLE);
+  EXPECT_EQ(error.reason, "STORAGE_FAILED");
+  EXPECT_TRUE(error.has_retry);
+  std::filesystem::remove(Blobs());
+  EXPECT_EQ(Watch(CreateJob()).back().state(), v1::Job::STATE_SUCCEEDED);
 }
 
 TEST_F(DurabilityTest, TwoServersDoNotShareAFolder) {

@@ -10,6 +10,7 @@
 #include <iterator>
 #include <limits>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <gmock/gmock.h>
@@ -253,16 +254,21 @@ TEST_F(HostileMeshTest, AJobBeyondTheBudgetIsRefusedWithNumbers) {
   ASSERT_TRUE(small.ok()) << small.status();
   const auto stub =
       v1::CorrespondenceService::NewStub((*small)->InProcessChannel());
-  v1::CreateJobRequest request;
-  *request.mutable_mesh_x() = ToDraco(UnitSphere(5));
-  *request.mutable_mesh_y() = ToDraco(UnitSphere(5));
-  grpc::ClientContext context;
-  v1::CreateJobResponse response;
-  const grpc::Status status = stub->CreateJob(&context, request, &response);
-  const CallError error = ErrorOf(status);
-  EXPECT_EQ(error.code, grpc::StatusCode::FAILED_PRECONDITION);
-  EXPECT_EQ(error.reason, "JOB_NEEDS_MORE_MEMORY_THAN_BUDGET");
-  EXPECT_THAT(status.error_message(), HasSubstr("the server has 16777216"));
+  // Meshes that can be read but not matched, and some that cannot be read.
+  for (const auto& [levels, why] :
+       {std::pair(4, "the server has 16777216"),
+        std::pair(5, "reading the meshes may need")}) {
+    v1::CreateJobRequest request;
+    *request.mutable_mesh_x() = ToDraco(UnitSphere(levels));
+    *request.mutable_mesh_y() = ToDraco(UnitSphere(levels));
+    grpc::ClientContext context;
+    v1::CreateJobResponse response;
+    const grpc::Status status = stub->CreateJob(&context, request, &response);
+    const CallError error = ErrorOf(status);
+    EXPECT_EQ(error.code, grpc::StatusCode::FAILED_PRECONDITION);
+    EXPECT_EQ(error.reason, "JOB_NEEDS_MORE_MEMORY_THAN_BUDGET");
+    EXPECT_THAT(status.error_message(), HasSubstr(why));
+  }
 }
 
 TEST_F(HostileMeshTest, WrongOptionsAreNamed) {

@@ -1,5 +1,6 @@
 // CreateJob, GetJob, ListJobs, CancelJob, DeleteJob through a real server.
 
+#include <new>
 #include <string>
 #include <vector>
 
@@ -156,6 +157,32 @@ TEST_F(JobsTest, AreForgottenWhenDeleted) {
   grpc::ClientContext again;
   const grpc::Status status = stub_->DeleteJob(&again, request, &response);
   EXPECT_EQ(ErrorOf(status).reason, "JOB_NOT_FOUND");
+}
+
+TEST_F(JobsTest, OneTenantHasSoManyPlacesInTheQueue) {
+  ServerConfig config = TestConfig();
+  config.workers = 1;
+  config.max_queued_jobs_per_tenant = 1;
+  Restart(config);
+  gate_open_ = false;
+  CreateJob();
+  WaitForMatches(1);
+  CreateJob();
+  const CallError error = CreateError(SphereJob());
+  EXPECT_EQ(error.code, grpc::StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_EQ(error.reason, "TENANT_QUOTA");
+  EXPECT_TRUE(error.has_retry);
+  gate_open_ = true;
+}
+
+TEST_F(JobsTest, OneThatFindsNoMemoryFailsAlone) {
+  on_found_ = [](auto&&...) { throw std::bad_alloc(); };
+  const v1::Job failed = Watch(CreateJob()).back();
+  EXPECT_EQ(failed.state(), v1::Job::STATE_FAILED);
+  EXPECT_EQ(failed.error().reason(), "OUT_OF_MEMORY");
+  EXPECT_EQ(failed.error().code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  on_found_ = {};
+  EXPECT_EQ(Watch(CreateJob()).back().state(), v1::Job::STATE_SUCCEEDED);
 }
 
 TEST_F(JobsTest, ANameThatIsNotOneIsInvalid) {

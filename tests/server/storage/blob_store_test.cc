@@ -1,7 +1,9 @@
+#include <atomic>
 #include <cstdint>
 #include <memory>
 #include <random>
 #include <string>
+#include <thread>
 #include <type_traits>
 #include <utility>
 #include <vector>
@@ -110,6 +112,29 @@ TYPED_TEST(BlobStoreTest, ATenantsOwnUnusedBlobsMakeItsRoom) {
   EXPECT_TRUE(store.Has(pinned));
   EXPECT_TRUE(store.Has(other));
   EXPECT_EQ(store.size_bytes(), 360);
+}
+
+TYPED_TEST(BlobStoreTest, WhatArrivesTogetherKeepsToTheTenantsLimitTogether) {
+  constexpr int kThreads = 8;
+  const auto owner = this->Make(10000);
+  BlobStore& store = *owner;
+  std::atomic<int> put = 0;
+  std::atomic<int> refused = 0;
+  {
+    std::vector<std::jthread> threads;
+    for (int i = 0; i < kThreads; ++i) {
+      threads.emplace_back([&, i] {
+        const std::string bytes(100, static_cast<char>('a' + i));
+        const absl::Status status =
+            store.PutWithin(300, this->KeyOf(bytes), bytes, Keep::kPinned);
+        (status.ok() ? put : refused)++;
+        EXPECT_TRUE(status.ok() || absl::IsFailedPrecondition(status));
+      });
+    }
+  }
+  EXPECT_EQ(put, 3);
+  EXPECT_EQ(refused, kThreads - 3);
+  EXPECT_EQ(store.size_bytes(), 300);
 }
 
 TYPED_TEST(BlobStoreTest, WhatACallerHoldsStaysWhole) {

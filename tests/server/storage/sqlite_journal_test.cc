@@ -57,6 +57,7 @@ JobRecord FullRecord() {
   record.end_time = record.create_time + absl::Seconds(2);
   record.labels = {{"key", "value"}};
   record.request_id = "request";
+  record.call_id = "call";
   record.request_sha256 = "bb";
   record.priority = -7;
   record.threads = 3;
