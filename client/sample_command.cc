@@ -4,12 +4,14 @@
 #include <vector>
 
 #include <CLI/CLI.hpp>
+#include <nlohmann/json.hpp>
 
 #include "absl/status/statusor.h"
 #include "absl/strings/ascii.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
+#include "client/command_support.h"
 #include "client/commands.h"
 #include "client/map_file.h"
 #include "client/mesh_file.h"
@@ -56,6 +58,7 @@ struct SampleArguments {
   std::string texture;
   std::string truth_from;
   std::string truth;
+  bool json = false;
 };
 
 // Reads a pose's name, which has one letter.
@@ -147,7 +150,22 @@ absl::Status WriteSample(const SampleArguments& arguments,
                              FormatPly(sample.mesh, ColorColumns(colors)));
 }
 
-absl::Status RunSample(const SampleArguments& arguments) {
+/// What was written, for machines.
+nlohmann::ordered_json Summary(const SampleArguments& arguments,
+                               const SampleOptions& options,
+                               const TriangleMesh& mesh) {
+  using nlohmann::ordered_json;
+  return {{"output", arguments.output},
+          {"pose", std::string(1, options.pose)},
+          {"mesh_seed", options.mesh_seed},
+          {"vertices", mesh.num_vertices()},
+          {"faces", mesh.num_faces()},
+          {"truth", arguments.truth.empty() ? ordered_json()
+                                            : ordered_json(arguments.truth)}};
+}
+
+absl::Status RunSample(const SampleArguments& arguments,
+                       const Terminal& terminal) {
   ISOMATCH_RETURN_IF_ERROR(CheckOutputs(arguments));
   ISOMATCH_ASSIGN_OR_RETURN(const SampleOptions options,
                             ParseOptions(arguments));
@@ -160,8 +178,12 @@ absl::Status RunSample(const SampleArguments& arguments) {
     truth = FormatMap(SampleTruth(x, sample));
   }
   ISOMATCH_RETURN_IF_ERROR(WriteSample(arguments, sample));
-  return truth.empty() ? absl::OkStatus()
-                       : WriteFileAtomically(arguments.truth, truth);
+  if (!truth.empty()) {
+    ISOMATCH_RETURN_IF_ERROR(WriteFileAtomically(arguments.truth, truth));
+  }
+  return arguments.json
+             ? PrintJson(Summary(arguments, options, sample.mesh), terminal)
+             : absl::OkStatus();
 }
 
 }  // namespace
@@ -192,9 +214,12 @@ Command AddSampleCommand(CLI::App& app) {
                       "POSE:VERTICES[:MESH_SEED] of the mesh the truth is for");
   command->add_option("--truth", arguments->truth,
                       "Ground truth to write, from that mesh to this one");
+  command->add_flag("--json", arguments->json,
+                    "Print what was written as JSON");
   command->footer(kSampleFooter);
-  return {command,
-          [arguments](const Terminal&) { return RunSample(*arguments); }};
+  return {command, [arguments](const Terminal& terminal) {
+            return RunSample(*arguments, terminal);
+          }};
 }
 
 }  // namespace isomatch

@@ -7,11 +7,13 @@
 #include <vector>
 
 #include <CLI/CLI.hpp>
+#include <nlohmann/json.hpp>
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_split.h"
+#include "client/command_support.h"
 #include "client/commands.h"
 #include "client/map_file.h"
 #include "client/mesh_file.h"
@@ -67,6 +69,7 @@ struct ViewArguments {
   std::string report;
   std::string title;
   bool file_colours = false;
+  bool json = false;
 };
 
 absl::Status CheckOutputs(const ViewArguments& arguments) {
@@ -240,6 +243,29 @@ absl::StatusOr<PairView> Load(const ViewArguments& arguments,
   return view;
 }
 
+/// What was written and what it shows, for machines.
+nlohmann::ordered_json Summary(const PairView& view,
+                               const ViewArguments& arguments) {
+  using nlohmann::ordered_json;
+  const auto path = [](const std::string& written) {
+    return written.empty() ? ordered_json() : ordered_json(written);
+  };
+  ordered_json layers = ordered_json::array();
+  for (const ScalarLayer& layer : view.layers) {
+    layers.push_back(
+        {{"id", layer.id}, {"low", layer.low}, {"high", layer.high}});
+  }
+  ordered_json figures = ordered_json::object();
+  for (const FigureTable& table : view.figures) {
+    for (const auto& [name, value] : table.rows) {
+      figures[table.title][name] = value;
+    }
+  }
+  return {{"page", path(arguments.page)}, {"picture", path(arguments.picture)},
+          {"layer", arguments.layer},     {"layers", layers},
+          {"figures", figures},           {"warnings", view.warnings}};
+}
+
 /// A picture has no numbers: they are told here.
 absl::Status TellScale(const PairView& view, const ViewArguments& arguments,
                        const Terminal& terminal) {
@@ -251,23 +277,33 @@ absl::Status TellScale(const PairView& view, const ViewArguments& arguments,
       terminal);
 }
 
+absl::Status WritePage(const PairView& view, const ViewArguments& arguments) {
+  if (arguments.page.empty()) return absl::OkStatus();
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const std::string page,
+      FormatPage(view, {arguments.layer, arguments.pattern}));
+  return WriteFileAtomically(arguments.page, page);
+}
+
+absl::Status WritePicture(const PairView& view, const PictureOptions& options,
+                          const ViewArguments& arguments) {
+  if (arguments.picture.empty()) return absl::OkStatus();
+  ISOMATCH_ASSIGN_OR_RETURN(const std::string png,
+                            EncodePng(DrawPair(view, options)));
+  return WriteFileAtomically(arguments.picture, png);
+}
+
 absl::Status RunView(const ViewArguments& arguments, const Terminal& terminal) {
   ISOMATCH_RETURN_IF_ERROR(CheckOutputs(arguments));
   ISOMATCH_RETURN_IF_ERROR(CheckLayer(arguments));
   ISOMATCH_ASSIGN_OR_RETURN(const PictureOptions options,
                             ParsePictureOptions(arguments));
   ISOMATCH_ASSIGN_OR_RETURN(const PairView view, Load(arguments, terminal));
-  if (!arguments.page.empty()) {
-    ISOMATCH_ASSIGN_OR_RETURN(
-        const std::string page,
-        FormatPage(view, {arguments.layer, arguments.pattern}));
-    ISOMATCH_RETURN_IF_ERROR(WriteFileAtomically(arguments.page, page));
-  }
-  if (arguments.picture.empty()) return absl::OkStatus();
-  ISOMATCH_ASSIGN_OR_RETURN(const std::string png,
-                            EncodePng(DrawPair(view, options)));
-  ISOMATCH_RETURN_IF_ERROR(WriteFileAtomically(arguments.picture, png));
-  return TellScale(view, arguments, terminal);
+  ISOMATCH_RETURN_IF_ERROR(WritePage(view, arguments));
+  ISOMATCH_RETURN_IF_ERROR(WritePicture(view, options, arguments));
+  if (arguments.json) return PrintJson(Summary(view, arguments), terminal);
+  return arguments.picture.empty() ? absl::OkStatus()
+                                   : TellScale(view, arguments, terminal);
 }
 
 void AddAppearance(CLI::App& command, ViewArguments& arguments) {
@@ -317,6 +353,9 @@ Command AddViewCommand(CLI::App& app) {
   command->add_option("--report", arguments->report,
                       "Report as `match --report` writes it");
   AddAppearance(*command, *arguments);
+  command->add_flag("--json", arguments->json,
+                    "Print what was written, and the figures of the page, as "
+                    "JSON");
   command->footer(kViewFooter);
   return {command, [arguments](const Terminal& terminal) {
             return RunView(*arguments, terminal);

@@ -143,6 +143,20 @@ TEST_F(CommandLineTest, MatchesEmbeddedAndByServerWithTheSameBytes) {
             0.05);
 }
 
+TEST_F(CommandLineTest, SampleTellsWhatItWroteAsJson) {
+  const CommandOutcome outcome =
+      Run({"sample", "--pose", "b", "--vertices", "300", "-o", b_,
+           "--truth-from", "A:200", "--truth", truth_, "--json"});
+  ASSERT_EQ(outcome.status, kExitSuccess) << outcome.err;
+  const auto json = nlohmann::json::parse(outcome.out);
+  EXPECT_EQ(json["output"], b_);
+  EXPECT_EQ(json["pose"], "B");
+  EXPECT_EQ(json["mesh_seed"], 1);
+  EXPECT_EQ(json["vertices"], 300);
+  EXPECT_EQ(json["faces"], 2 * 300 - 4);
+  EXPECT_EQ(json["truth"], truth_);
+}
+
 TEST_F(CommandLineTest, TruthHasNoError) {
   MakePair(400, 400);
   const CommandOutcome outcome = Run({"evaluate", b_, truth_, truth_});

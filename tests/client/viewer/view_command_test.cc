@@ -3,6 +3,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
 #include "client/map_file.h"
 #include "client/mesh_file.h"
@@ -90,6 +91,26 @@ TEST_F(ViewCommandTest, ShowsConfidenceErrorAndReport) {
         R"(["mean / diameter of Y","0.00000"])", R"("layer":"error")"}) {
     EXPECT_THAT(page, HasSubstr(part));
   }
+}
+
+TEST_F(ViewCommandTest, TellsWhatItWroteAsJson) {
+  const CommandOutcome outcome =
+      View({"-o", page_, "--truth", map_, "--layer", "error", "--json"});
+  ASSERT_EQ(outcome.status, kExitSuccess) << outcome.err;
+  const auto json = nlohmann::json::parse(outcome.out);
+  EXPECT_EQ(json["page"], page_);
+  EXPECT_TRUE(json["picture"].is_null());
+  EXPECT_EQ(json["layer"], "error");
+  ASSERT_EQ(json["layers"].size(), 2);
+  EXPECT_EQ(json["layers"][0]["id"], "distortion");
+  EXPECT_EQ(json["layers"][1]["id"], "error");
+  EXPECT_EQ(json["layers"][1]["low"], 0);
+  bool has_mean = false;
+  for (const auto& table : json["figures"]) {
+    has_mean = has_mean || table.value("mean / diameter of Y", "") == "0.00000";
+  }
+  EXPECT_TRUE(has_mean) << outcome.out;
+  EXPECT_TRUE(json["warnings"].empty());
 }
 
 /// A mesh of three coloured vertices.

@@ -7,7 +7,7 @@
 // set, as scripts/test does after it installed one, that is a failure.
 import assert from 'node:assert/strict';
 import {execFileSync} from 'node:child_process';
-import {mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync} from 'node:fs';
+import {mkdirSync, mkdtempSync, readFileSync, rmSync, statSync, writeFileSync} from 'node:fs';
 import {tmpdir} from 'node:os';
 import {join} from 'node:path';
 import {pathToFileURL} from 'node:url';
@@ -272,6 +272,31 @@ const checks = {
   },
 };
 
+const LARGE = 60000;
+
+/** Draws a page of two large shapes, mapped by their truth; prints how long it took. */
+async function openLarge(page) {
+  const run = (...args) => execFileSync(isomatch, args, {stdio: ['ignore', 'ignore', 'inherit']});
+  run('sample', '--pose', 'A', '--vertices', `${LARGE}`, '-o', file('large_a.ply'));
+  run('sample', '--pose', 'B', '--vertices', `${LARGE}`, '-o', file('large_b.ply'),
+      '--truth-from', `A:${LARGE}`, '--truth', file('large_map.txt'));
+  run('view', file('large_a.ply'), file('large_b.ply'), file('large_map.txt'), '-o',
+      file('large.html'));
+  const begin = Date.now();
+  await page.send('Page.navigate', {url: pathToFileURL(file('large.html')).href});
+  await page.until("document.body?.dataset.ready === 'true' && document.title.includes('large_a')");
+  await page.drawn();
+  const mebibytes = statSync(file('large.html')).size / 2 ** 20;
+  console.log(`a page of 2 x ${LARGE} vertices, ${mebibytes.toFixed(1)} MiB, is drawn after ` +
+      `${((Date.now() - begin) / 1000).toFixed(1)} s`);
+  for (const side of ['x', 'y']) {
+    const {covered, colours} = drawing(await page.pixels(await shapeBox(page, side)));
+    assert.ok(covered > 0.08 && covered < 0.8, `${side} covers ${covered}`);
+    assert.ok(colours > 1000, `${side} has ${colours} colours`);
+  }
+  assert.deepEqual(page.problems, []);
+}
+
 async function main() {
   const chromium = findChromium();
   if (!chromium) {
@@ -289,7 +314,8 @@ async function main() {
     await page.until("document.body?.dataset.ready === 'true'");
     await page.drawn();
     writeFileSync(file('page.png'), Buffer.from(await page.screenshot(), 'base64'));
-    for (const [name, check] of Object.entries(checks)) {
+    const all = {...checks, 'a large page opens': ({page}) => openLarge(page)};
+    for (const [name, check] of Object.entries(all)) {
       await check({page, map, address}).then(() => console.log(`ok: ${name}`), (error) => {
         ++failed;
         console.log(`FAILED: ${name}\n${error.stack}`);
