@@ -33,7 +33,8 @@ bool Backoff::Again(const absl::Status& status) {
       now + pause_ > give_up_) {
     return false;
   }
-  Pause(pause_, stop_);
+  Pause(pause_ * std::uniform_real_distribution<double>(0.8, 1.2)(jitter_),
+        stop_);
   pause_ = std::min(2 * pause_, kLongestPause);
   return !stop_.stop_requested();
 }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <functional>
+#include <random>
 #include <stop_token>
 
 #include <grpcpp/client_context.h>
@@ -14,7 +15,9 @@ namespace isomatch {
 /// From the first failure on; the pauses grow from the first to the longest.
 inline constexpr absl::Duration kPatience = absl::Seconds(10);
 
-/// Pauses between attempts that end with UNAVAILABLE. Not thread-safe.
+/// Pauses between attempts that end with UNAVAILABLE, each up to a fifth longer
+/// or shorter, so that clients of a server that comes back do not come
+/// together. Not thread-safe.
 class Backoff {
  public:
   /// `stop` outlives it and cuts a pause short.
@@ -36,6 +39,7 @@ class Backoff {
   const absl::Duration patience_;
   absl::Time give_up_ = absl::InfiniteFuture();
   absl::Duration pause_ = kFirstPause;
+  std::minstd_rand jitter_{std::random_device()()};
 };
 
 /// A call's context that ends the call when `stop` is requested.

@@ -58,7 +58,8 @@ class Backoff {
     // A server that stops ends its calls as cancelled.
     const lost = [grpc.status.UNAVAILABLE, grpc.status.CANCELLED].includes(error.code);
     if (!lost || Date.now() + this.pause > this.giveUp) throw error;
-    await sleep(this.pause);
+    // Clients of a server that comes back do not come together.
+    await sleep(this.pause * (0.8 + 0.4 * Math.random()));
     this.pause = Math.min(2 * this.pause, 2000);
   }
 }

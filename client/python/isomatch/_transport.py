@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import os
 import pathlib
+import random
 import time
 from collections.abc import AsyncIterator
 from typing import Any
@@ -58,7 +59,8 @@ class Backoff:
             self._give_up = now + self._patience
         if not isinstance(error, Unavailable) or now + self._pause > self._give_up:
             raise error
-        pause = self._pause
+        # Clients of a server that comes back do not come together.
+        pause = self._pause * random.uniform(0.8, 1.2)
         self._pause = min(2 * pause, _LONGEST_PAUSE_SECONDS)
         return pause
 

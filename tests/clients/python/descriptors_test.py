@@ -1,15 +1,20 @@
-"""service.binpb, which the package reads the API from, is that of service.proto."""
+"""The API's files: service.binpb, which the package reads the API from, is that of
+service.proto, and gRPC understands service_config.json."""
 
+import concurrent.futures
 import importlib.resources
+import json
 import os
 import pathlib
 import subprocess
 import unittest
 
+import grpc
 import support
 from google.protobuf import any_pb2, descriptor_pb2, descriptor_pool, duration_pb2
 
 import isomatch
+from isomatch import _messages
 
 FILES = [
     "isomatch/v1/service.proto",
@@ -47,6 +52,58 @@ class DescriptorsTest(unittest.TestCase):
                 descriptor_pool.Default().AddSerializedFile(file.SerializeToString())
         found = descriptor_pool.Default().FindMessageTypeByName("google.rpc.Status")
         self.assertIn("newer", found.fields_by_name)
+
+
+class FlakyServer(grpc.GenericRpcHandler):
+    """Answers UNAVAILABLE twice, then OK."""
+
+    def __init__(self):
+        self.calls = 0
+
+    def service(self, details):
+        def answer(request, context):
+            self.calls += 1
+            if self.calls <= 2:
+                context.abort(grpc.StatusCode.UNAVAILABLE, "away")
+            return b""
+
+        return grpc.unary_unary_rpc_method_handler(answer)
+
+
+class ServiceConfigTest(unittest.TestCase):
+    def setUp(self):
+        path = pathlib.Path(os.environ["ISOMATCH_PROTO"]) / "isomatch/v1/service_config.json"
+        self.text = path.read_text()
+
+    def test_it_names_the_rpcs_without_streams(self):
+        service = "isomatch.v1.CorrespondenceService"
+        (config,) = json.loads(self.text)["methodConfig"]
+        self.assertEqual({name["service"] for name in config["name"]}, {service})
+        self.assertEqual(
+            {name["method"] for name in config["name"]},
+            {
+                method.name
+                for method in _messages.service_methods()
+                if not method.client_streaming and not method.server_streaming
+            },
+        )
+
+    def test_grpc_tries_again_as_it_says(self):
+        flaky = FlakyServer()
+        server = grpc.server(concurrent.futures.ThreadPoolExecutor(1))
+        server.add_generic_rpc_handlers([flaky])
+        port = server.add_insecure_port("127.0.0.1:0")
+        server.start()
+        self.addCleanup(server.stop, None)
+        method = "/isomatch.v1.CorrespondenceService/GetServerInfo"
+        options = [("grpc.service_config", self.text)]
+        with grpc.insecure_channel(f"127.0.0.1:{port}", options) as channel:
+            self.assertEqual(channel.unary_unary(method)(b""), b"")
+        self.assertEqual(flaky.calls, 3)
+        flaky.calls = 0
+        with grpc.insecure_channel(f"127.0.0.1:{port}") as channel:
+            with self.assertRaises(grpc.RpcError):
+                channel.unary_unary(method)(b"")
 
 
 if __name__ == "__main__":
