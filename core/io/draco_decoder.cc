@@ -365,15 +365,15 @@ absl::StatusOr<TriangleMesh> InIdOrder(const draco::Mesh& mesh,
                             ReadIds(mesh, end));
   VertexIndex last = -1;
   for (const VertexIndex id : ids) last = std::max(last, id);
+  const std::int64_t count =
+      vertex_count != 0 ? vertex_count : std::int64_t{last} + 1;
   // The headers tell of points, not of the vertices beyond them.
   if (limits.reserve) {
-    ISOMATCH_RETURN_IF_ERROR(limits.reserve(
-        kBytesPerVertexOfResult *
-        std::max<std::int64_t>(0, vertex_count - mesh.num_points())));
+    ISOMATCH_RETURN_IF_ERROR(
+        limits.reserve(kBytesPerVertexOfResult *
+                       std::max<std::int64_t>(0, count - mesh.num_points())));
   }
-  TriangleMesh result{
-      Positions::Zero(vertex_count != 0 ? vertex_count : last + 1, 3),
-      ReadFaces(mesh)};
+  TriangleMesh result{Positions::Zero(count, 3), ReadFaces(mesh)};
   for (std::size_t p = 0; p < ids.size(); ++p) {
     result.positions.row(ids[p]) = of_points.row(static_cast<Eigen::Index>(p));
   }
