@@ -61,7 +61,7 @@ class Backoff:
             raise error
         # Clients of a server that comes back do not come together.
         pause = self._pause * random.uniform(0.8, 1.2)
-        self._pause = min(2 * pause, _LONGEST_PAUSE_SECONDS)
+        self._pause = min(2 * self._pause, _LONGEST_PAUSE_SECONDS)
         return pause
 
 
