@@ -70,9 +70,10 @@ void LogStart(const ServerConfig& config, const Server& server) {
   say(absl::StrCat("memory: ", server.memory_budget_bytes() >> 20,
                    " MiB for running jobs, ", config.blob_store_bytes >> 20,
                    " MiB for meshes and results"));
-  say(absl::StrCat("requests: at most ", FormatBytes(config.max_request_bytes),
+  say(absl::StrCat("requests: at most ",
+                   FormatBytes(server.limits().max_request_bytes),
                    ", larger meshes are uploaded, up to ",
-                   FormatBytes(config.max_mesh_bytes)));
+                   FormatBytes(server.limits().max_mesh_bytes)));
   say(metrics.empty() ? "metrics: off"
                       : absl::StrCat("metrics: http://", metrics, "/metrics"));
   say(absl::StrCat("a first job: isomatch match --server ", server.address(),

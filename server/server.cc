@@ -82,7 +82,8 @@ std::int64_t ChoosePreparedCacheBytes(const ServerConfig& config) {
 }
 
 // What is held beside the budget: unfinished uploads and requests, and the
-// meshes that one request at a time is decoded to. A quarter of the budget
+// meshes that CreateJob decodes, for one request at a time (a job that starts
+// decodes them within its reservation). A quarter of the budget
 // together, which is what ChooseMemoryBudget leaves at least.
 
 std::int64_t UploadBytes(const ServerConfig& config) {
@@ -95,8 +96,10 @@ std::int64_t ReadingBytes(const ServerConfig& config) {
 
 RequestLimits MakeRequestLimits(const ServerConfig& config) {
   RequestLimits limits;
-  limits.max_request_bytes = config.max_request_bytes;
-  limits.max_mesh_bytes = config.max_mesh_bytes;
+  // What never has room is refused as too large, and nobody waits for it.
+  limits.max_request_bytes =
+      std::min(config.max_request_bytes, UploadBytes(config));
+  limits.max_mesh_bytes = std::min(config.max_mesh_bytes, UploadBytes(config));
   limits.max_bytes_per_tenant = config.max_bytes_per_tenant;
   limits.max_queued_jobs = config.max_queued_jobs;
   limits.max_reading_bytes = ReadingBytes(config);
@@ -120,11 +123,11 @@ void InitGrpcPlugins() {
   });
 }
 
-void SetChannelArguments(const ServerConfig& config,
+void SetChannelArguments(const RequestLimits& limits,
                          grpc::ServerBuilder& builder) {
   constexpr int kSecond = 1000;  // milliseconds
   constexpr int kHour = 3600 * kSecond;
-  builder.SetMaxReceiveMessageSize(static_cast<int>(config.max_request_bytes));
+  builder.SetMaxReceiveMessageSize(static_cast<int>(limits.max_request_bytes));
   // A second server on the port must fail instead of sharing it.
   builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
   builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, 1000);
@@ -157,6 +160,7 @@ class Server::Impl {
   }
   const MemoryBudget& budget() const { return budget_; }
   int threads_per_job() const { return context_.parse.threads_per_job; }
+  const RequestLimits& limits() const { return context_.parse.limits; }
   std::shared_ptr<grpc::Channel> InProcessChannel() {
     return grpc_->InProcessChannel(grpc::ChannelArguments());
   }
@@ -313,7 +317,7 @@ absl::Status Server::Impl::Listen() {
   manager_.Begin();
   InitGrpcPlugins();
   grpc::ServerBuilder builder;
-  SetChannelArguments(config_, builder);
+  SetChannelArguments(context_.parse.limits, builder);
   if (!config_.listen.empty()) {
     ISOMATCH_ASSIGN_OR_RETURN(
         port_credentials_,
@@ -388,6 +392,7 @@ Server::~Server() = default;
 std::string Server::address() const { return impl_->address(); }
 std::string Server::metrics_address() const { return impl_->metrics_address(); }
 int Server::threads_per_job() const { return impl_->threads_per_job(); }
+const RequestLimits& Server::limits() const { return impl_->limits(); }
 std::int64_t Server::memory_budget_bytes() const {
   return impl_->budget().total_bytes();
 }

@@ -7,6 +7,7 @@
 
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
+#include "server/convert/request_limits.h"
 #include "server/jobs/match_engine.h"
 #include "server/server_config.h"
 
@@ -52,6 +53,10 @@ class Server {
 
   /// What running jobs may reserve together.
   std::int64_t memory_budget_bytes() const;
+
+  /// What requests may contain: the configuration's limits, or less where the
+  /// memory budget has no room for them.
+  const RequestLimits& limits() const;
 
   /// Threads each job gets.
   int threads_per_job() const;

@@ -34,11 +34,9 @@ absl::StatusOr<VertexOrder> ParseVertexOrder(v1::VertexOrder order,
 
 /// The bytes of a mesh: within the request, or from the store, which `held`
 /// then keeps from being evicted.
-absl::StatusOr<absl::string_view> FindBytes(const v1::Mesh& mesh,
-                                            const std::string& field,
-                                            const ParseContext& context,
-                                            const std::string& tenant,
-                                            BlobStore::Blob& held) {
+absl::StatusOr<absl::string_view> FindBytes(
+    const v1::Mesh& mesh, const std::string& field, const ParseContext& context,
+    const std::string& tenant, std::int64_t held_bytes, BlobStore::Blob& held) {
   if (mesh.has_draco()) return absl::string_view(mesh.draco());
   if (!mesh.has_digest()) {
     return InvalidField(field, "no source, expected draco or digest");
@@ -46,6 +44,11 @@ absl::StatusOr<absl::string_view> FindBytes(const v1::Mesh& mesh,
   const v1::Digest& digest = mesh.digest();
   const std::string path = field + ".digest";
   ISOMATCH_RETURN_IF_ERROR(ValidateDigest(digest, path, context.limits));
+  const auto size = static_cast<std::int64_t>(digest.size_bytes());
+  const std::int64_t most = context.limits.max_reading_bytes;
+  if (size > most - held_bytes) {
+    return MeshesNeedMoreMemory(held_bytes + size, most);
+  }
   held = context.blobs->Get({tenant, digest.sha256()});
   if (held == nullptr) return MeshMissing(path, digest.sha256());
   if (digest.size_bytes() != held->size()) {
@@ -87,8 +90,10 @@ absl::StatusOr<TriangleMesh> ParseMesh(const v1::Mesh& mesh,
                                      limits.max_vertices));
   }
   BlobStore::Blob held;
-  ISOMATCH_ASSIGN_OR_RETURN(const absl::string_view bytes,
-                            FindBytes(mesh, field, context, tenant, held));
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const absl::string_view bytes,
+      FindBytes(mesh, field, context, tenant, held_bytes, held));
+  if (held != nullptr) held_bytes += static_cast<std::int64_t>(held->size());
   auto decoded = DecodeWithin(context.limits, bytes, order, mesh.vertex_count(),
                               held_bytes);
   if (absl::IsFailedPrecondition(decoded.status())) return decoded.status();

@@ -6,6 +6,7 @@
 
 #include "core/base/status_macros.h"
 #include "server/jobs/errors.h"
+#include "server/jobs/within_memory.h"
 
 namespace isomatch {
 namespace {
@@ -243,9 +244,13 @@ absl::StatusOr<JobSnapshot> JobManager::Accept(const Caller& caller,
     if (other) return *std::move(other);
     return stored.status();
   }
-  if (parts_.on_state) parts_.on_state(*stored);
-  Enqueue(*stored);
-  return Get(caller, stored->id);
+  const absl::Status queued = WithinMemory([&] {
+    if (parts_.on_state) parts_.on_state(*stored);
+    Enqueue(*stored);
+    return absl::OkStatus();
+  });
+  if (!queued.ok()) FailToStart(id, queued);
+  return Get(caller, id);
 }
 
 absl::StatusOr<JobRecord> JobManager::Store(JobRecord record,
@@ -401,12 +406,12 @@ absl::StatusOr<JobRecord> JobManager::Move(const std::string& id, JobState to,
                               if (to == JobState::kQueued) Rewind(record);
                               return absl::OkStatus();
                             }));
-  if (parts_.on_state) parts_.on_state(moved);
   if (IsTerminal(to)) {
     guard_.Release(id);
     UnpinInputs(moved);
-    Prune();
   }
+  if (parts_.on_state) parts_.on_state(moved);
+  if (IsTerminal(to)) Prune();
   return moved;
 }
 

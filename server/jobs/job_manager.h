@@ -216,7 +216,7 @@ class JobManager {
   // Running it.
   void Dispatch();
   std::shared_ptr<LiveJob> TakeNext();
-  void Run(std::shared_ptr<LiveJob> live);
+  void Run(const std::shared_ptr<LiveJob>& live);
   absl::StatusOr<JobRecord> Start(LiveJob& live);
   absl::StatusOr<RunOutcome> Execute(const LiveJob& live,
                                      const JobRecord& record);
@@ -228,7 +228,7 @@ class JobManager {
                           std::vector<EncodedPart> parts, JobResult& result);
   /// Unless its state is another than the record's by now.
   void Fail(const JobRecord& record, const absl::Status& error);
-  void ReleaseSlot(std::shared_ptr<LiveJob> live);
+  void ReleaseSlot(const std::shared_ptr<LiveJob>& live);
 
   // Ending it early.
   absl::Status Stop(const std::string& id, JobState to, const Edit& edit = {});

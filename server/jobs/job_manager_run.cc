@@ -26,8 +26,9 @@ JobError ErrorOf(const absl::Status& status) {
 
 void JobManager::Dispatch() {
   while (std::shared_ptr<LiveJob> live = TakeNext()) {
-    parts_.workers->Post(
-        [this, live = std::move(live)]() mutable { Run(std::move(live)); });
+    const bool posted = WhenThereIsMemory(
+        [&] { parts_.workers->Post([this, live] { Run(live); }); });
+    if (!posted) ReleaseSlot(live);  // it runs after a restart
   }
 }
 
@@ -40,15 +41,15 @@ std::shared_ptr<LiveJob> JobManager::TakeNext() {
   return live;
 }
 
-void JobManager::Run(std::shared_ptr<LiveJob> live) {
+void JobManager::Run(const std::shared_ptr<LiveJob>& live) {
   const auto record = WithinMemory([&] { return Start(*live); });
   if (record.ok()) {
     Finish(*record, WithinMemory([&] { return Execute(*live, *record); }));
   } else if (absl::IsResourceExhausted(record.status())) {
     FailToStart(live->id, record.status());
   }
-  ReleaseSlot(std::move(live));
-  Dispatch();
+  ReleaseSlot(live);
+  WhenThereIsMemory([&] { Dispatch(); });
 }
 
 absl::StatusOr<JobRecord> JobManager::Start(LiveJob& live) {
@@ -88,9 +89,10 @@ void JobManager::ReportProgress(const std::string& id,
 }
 
 void JobManager::FailToStart(const std::string& id, const absl::Status& error) {
-  // However far it came.
-  FailIfStill(JobState::kQueued, id, error);
-  FailIfStill(JobState::kRunning, id, error);
+  WhenThereIsMemory([&] {  // however far it came
+    FailIfStill(JobState::kQueued, id, error);
+    FailIfStill(JobState::kRunning, id, error);
+  });
 }
 
 void JobManager::Finish(const JobRecord& record,
@@ -100,7 +102,7 @@ void JobManager::Finish(const JobRecord& record,
     status = WithinMemory([&] { return Succeed(record, *std::move(outcome)); });
   }
   // Refused when it went back to the queue, was cancelled or timed out before.
-  if (!status.ok()) Fail(record, status);
+  if (!status.ok()) WhenThereIsMemory([&] { Fail(record, status); });
 }
 
 absl::Status JobManager::Succeed(const JobRecord& record, RunOutcome outcome) {
@@ -112,14 +114,23 @@ absl::Status JobManager::Succeed(const JobRecord& record, RunOutcome outcome) {
     UnpinParts(record.tenant, result);
     return stored;
   }
-  const absl::Status moved =
-      Move(record.id, JobState::kSucceeded, [&](JobRecord& done) {
-        done.result = result;
-        done.progress.stage_fraction = 1;
-        done.progress.total_fraction = 1;
-        return absl::OkStatus();
-      }).status();
-  if (!moved.ok()) UnpinParts(record.tenant, result);
+  const absl::Status moved = WithinMemory([&] {
+    return Move(record.id, JobState::kSucceeded,
+                [&](JobRecord& done) {
+                  done.result = result;
+                  done.progress.stage_fraction = 1;
+                  done.progress.total_fraction = 1;
+                  return absl::OkStatus();
+                })
+        .status();
+  });
+  if (moved.ok()) return moved;
+  WhenThereIsMemory([&] {
+    // Memory may have ended after it had moved.
+    const std::optional<JobRecord> now = parts_.jobs->Get(record.id);
+    if (now && now->state == JobState::kSucceeded) return;
+    UnpinParts(record.tenant, std::exchange(result, {}));
+  });
   return moved;
 }
 
@@ -150,7 +161,7 @@ void JobManager::Fail(const JobRecord& record, const absl::Status& error) {
              });
 }
 
-void JobManager::ReleaseSlot(std::shared_ptr<LiveJob> live) {
+void JobManager::ReleaseSlot(const std::shared_ptr<LiveJob>& live) {
   live->Release();  // before the slot, so that the next job finds the memory
   MutexLock lock(mutex_);
   live_.erase(live->id);

@@ -3,6 +3,7 @@
 #include <cassert>
 #include <chrono>
 #include <new>
+#include <thread>
 #include <utility>
 
 #include <boost/asio/post.hpp>
@@ -17,20 +18,32 @@ using boost::asio::steady_timer;
 /// When a timer's task is tried again.
 constexpr std::chrono::milliseconds kAgain(100);
 
-void Wait(const std::shared_ptr<steady_timer>& timer,
-          std::function<void()> task) {
-  timer->async_wait([weak = std::weak_ptr(timer),
-                     task = std::move(task)](boost::system::error_code error) {
-    if (error) return;
+using Task = std::shared_ptr<const std::function<void()>>;
+
+void WaitAgain(const std::weak_ptr<steady_timer>& weak, const Task& task);
+
+void Wait(const std::shared_ptr<steady_timer>& timer, const Task& task) {
+  timer->async_wait(
+      [weak = std::weak_ptr(timer), task](boost::system::error_code error) {
+        if (error) return;
+        try {
+          (*task)();
+        } catch (const std::bad_alloc&) {
+          WaitAgain(weak, task);
+        }
+      });
+}
+
+/// Unless nobody holds the timer any more.
+void WaitAgain(const std::weak_ptr<steady_timer>& weak, const Task& task) {
+  while (const auto timer = weak.lock()) {
     try {
-      task();
-    } catch (const std::bad_alloc&) {
-      const auto again = weak.lock();
-      if (again == nullptr) return;
-      again->expires_after(kAgain);
-      Wait(again, task);
+      timer->expires_after(kAgain);
+      return Wait(timer, task);
+    } catch (const std::bad_alloc&) {  // not even for that
+      std::this_thread::sleep_for(kAgain);
     }
-  });
+  }
 }
 
 }  // namespace
@@ -59,7 +72,7 @@ Executor::Timer ThreadPool::PostAfter(absl::Duration delay,
                                       std::function<void()> task) {
   auto timer = std::make_shared<steady_timer>(impl_->pool,
                                               absl::ToChronoNanoseconds(delay));
-  Wait(timer, std::move(task));
+  Wait(timer, std::make_shared<const std::function<void()>>(std::move(task)));
   return timer;
 }
 

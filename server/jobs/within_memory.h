@@ -2,6 +2,7 @@
 
 #include <new>
 
+#include "absl/time/clock.h"
 #include "server/jobs/errors.h"
 
 namespace isomatch {
@@ -16,6 +17,24 @@ auto WithinMemory(const Work& work) -> decltype(work()) {
   } catch (const std::bad_alloc&) {
     return OutOfMemory();
   }
+}
+
+/// Calls `act()`, again and again for some seconds while there is no memory for
+/// it; false when there never was. For what must not be left half done.
+/// REQUIRES: act may be called again wherever it ended.
+template <typename Act>
+bool WhenThereIsMemory(const Act& act) {
+  constexpr int kTries = 100;
+  constexpr absl::Duration kPause = absl::Milliseconds(100);
+  for (int i = 0; i < kTries; ++i) {
+    try {
+      act();
+      return true;
+    } catch (const std::bad_alloc&) {
+      absl::SleepFor(kPause);
+    }
+  }
+  return false;
 }
 
 }  // namespace isomatch

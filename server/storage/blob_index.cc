@@ -83,9 +83,11 @@ std::list<BlobIndex::Entry> BlobIndex::TakeOut(const Entries& victims) {
 
 BlobIndex::Entry& BlobIndex::Add(Entry entry) {
   assert(by_key_.count(entry.key) == 0);
-  size_bytes_ += entry.bytes;
-  entries_.push_front(std::move(entry));
-  by_key_[entries_.front().key] = entries_.begin();
+  std::list<Entry> added;  // nothing has changed if memory ends here
+  added.push_front(std::move(entry));
+  by_key_.emplace(added.front().key, added.begin());
+  entries_.splice(entries_.begin(), added);
+  size_bytes_ += entries_.front().bytes;
   return entries_.front();
 }
 

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <list>
+#include <new>
 #include <system_error>
 #include <utility>
 #include <vector>
@@ -106,7 +107,7 @@ absl::Status DirectoryBlobStore::Put(const BlobKey& key, std::string bytes,
     if (entry != nullptr) size = 0;  // it has its room
   }
   ISOMATCH_RETURN_IF_ERROR(TakeRoom(size));
-  const absl::Status written = Write(key, bytes);
+  const absl::Status written = WriteWithinMemory(key, bytes);
   MutexLock lock(mutex_);
   arriving_bytes_ -= size;
   ISOMATCH_RETURN_IF_ERROR(written);
@@ -141,6 +142,15 @@ void DirectoryBlobStore::Unlink(
     const std::list<BlobIndex::Entry>& evicted) const {
   for (const BlobIndex::Entry& entry : evicted) {
     unlink(PathOf(entry.key).c_str());
+  }
+}
+
+absl::Status DirectoryBlobStore::WriteWithinMemory(const BlobKey& key,
+                                                   const std::string& bytes) {
+  try {
+    return Write(key, bytes);
+  } catch (const std::bad_alloc&) {
+    return absl::ResourceExhaustedError("no memory to write it");
   }
 }
 

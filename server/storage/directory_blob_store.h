@@ -61,6 +61,8 @@ class DirectoryBlobStore : public BlobStore {
 
   /// Writes the file; its room has been made.
   absl::Status Write(const BlobKey& key, const std::string& bytes);
+  /// As Write; RESOURCE_EXHAUSTED when there is no memory for it.
+  absl::Status WriteWithinMemory(const BlobKey& key, const std::string& bytes);
 
   /// Under the lock, so that a Put of the same content comes after it.
   void Unlink(const std::list<BlobIndex::Entry>& evicted) const

@@ -25,7 +25,7 @@ inline std::string ReasonOf(const absl::Status& status) {
   return status.ok() ? "OK" : DetailsOf(status).reason;
 }
 
-/// Lets something happen just before a request is looked up.
+/// Lets something happen just before a request is looked up, or a job changes.
 class JobStoreWithHook : public MemoryJobStore {
  public:
   std::optional<JobRecord> FindByRequestId(
@@ -34,7 +34,13 @@ class JobStoreWithHook : public MemoryJobStore {
     return MemoryJobStore::FindByRequestId(tenant, request_id);
   }
 
+  absl::StatusOr<JobRecord> Update(JobRecord record) override {
+    if (before_update) before_update(record);
+    return MemoryJobStore::Update(std::move(record));
+  }
+
   std::function<void()> before_find;
+  std::function<void(const JobRecord&)> before_update;
 };
 
 /// Lets something happen just before a blob is put.

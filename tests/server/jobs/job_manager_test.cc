@@ -299,6 +299,28 @@ TEST_F(JobManagerTest, AFailedAllocationFailsThatJobOnly) {
   EXPECT_EQ(budget_.reserved_bytes(), 0);
 }
 
+TEST_F(JobManagerTest, AJobThatFindsNoMemoryToStartOrToEndGivesItsSlotBack) {
+  for (const JobState at : {JobState::kRunning, JobState::kSucceeded}) {
+    const std::string bad = Create();
+    const std::string good = Create();
+    // Twice: what is said of the failure finds none at first, either.
+    int left = 2;
+    jobs_.before_update = [&](const JobRecord& record) {
+      const bool is_it = record.id == bad && (record.state == at || left == 1);
+      if (is_it && left-- > 0) throw std::bad_alloc();
+    };
+    EXPECT_TRUE(workers_.RunNext());
+    EXPECT_TRUE(workers_.RunNext());
+    EXPECT_EQ(StateOf(bad), "FAILED");
+    EXPECT_EQ(FailureOf(bad), "OUT_OF_MEMORY");
+    EXPECT_EQ(StateOf(good), "SUCCEEDED");
+    EXPECT_EQ(manager_->load().running_jobs, 0);
+    EXPECT_EQ(budget_.reserved_bytes(), 0);
+    EXPECT_LE(left, 0);
+    jobs_.before_update = {};
+  }
+}
+
 TEST_F(JobManagerTest, TheQueueTimeoutFiresWhileTheWorkerIsBusy) {
   const std::string running = Create();
   JobSpec spec = Needing(1);

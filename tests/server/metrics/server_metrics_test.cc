@@ -117,7 +117,7 @@ TEST_F(ServerMetricsTest, GaugesAreThoseOfTheMoment) {
   WaitFor("isomatch_jobs_running 0\n");
   EXPECT_THAT(
       Scrape(),
-      AllOf(HasSubstr("isomatch_jobs_queued{priority=\"normal\"} 0\n"),
+      AllOf(HasSubstr("isomatch_jobs_queued{priority=\"high\"} 0\n"),
             HasSubstr("isomatch_memory_reserved_bytes 0\n"),
             HasSubstr("isomatch_jobs_total{reason=\"\",state=\"CANCELLED\"} 2"),
             HasSubstr("isomatch_job_seconds_count{state=\"CANCELLED\"} 1\n")));

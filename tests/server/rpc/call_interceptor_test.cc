@@ -2,6 +2,7 @@
 
 #include "server/rpc/call_interceptor.h"
 
+#include <map>
 #include <string>
 #include <utility>
 #include <vector>
@@ -146,6 +147,7 @@ TEST_F(CallInterceptorTest, ALineNamesTheJobThatTheCallIsAbout) {
 
 TEST_F(CallInterceptorTest, EveryLineOfAJobHasTheRequestIdOfItsCall) {
   // One id that the client chose, and one that the server made.
+  std::map<std::string, std::string> request_of_job;
   for (const std::string given : {"r1", ""}) {
     grpc::ClientContext context;
     if (!given.empty()) context.AddMetadata("x-request-id", given);
@@ -155,18 +157,18 @@ TEST_F(CallInterceptorTest, EveryLineOfAJobHasTheRequestIdOfItsCall) {
     const std::vector<std::string> returned = Returned(context);
     ASSERT_EQ(returned.size(), 1);
     EXPECT_THAT(returned[0], HasSubstr(given));
-    int lines = 0;
-    for (const json& line : log_.lines()) {
-      if (!line.contains("state")) continue;
-      if (absl::StrCat("jobs/", line["job"].get<std::string>()) !=
-          response.job().name()) {
-        continue;
-      }
-      ++lines;
-      EXPECT_EQ(line["request_id"], returned[0]) << line;
-    }
-    EXPECT_EQ(lines, 3);  // QUEUED, RUNNING, SUCCEEDED
+    request_of_job[response.job().name()] = returned[0];
   }
+  server_->Shutdown(absl::ZeroDuration());  // it must not log any more
+  int lines = 0;
+  for (const json& line : log_.lines()) {
+    if (!line.contains("state")) continue;
+    const std::string name =
+        absl::StrCat("jobs/", line["job"].get<std::string>());
+    EXPECT_EQ(line["request_id"], request_of_job[name]) << line;
+    ++lines;
+  }
+  EXPECT_EQ(lines, 6);  // QUEUED, RUNNING, SUCCEEDED
 }
 
 TEST_F(CallInterceptorTest, KeysAndMeshesStayOutOfTheLog) {
