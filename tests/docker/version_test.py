@@ -1,4 +1,4 @@
-"""One version: CMakeLists.txt, --version of both programs, GetServerInfo, metrics."""
+"""One version: CMakeLists.txt, --version of both programs, GetServerInfo, packages."""
 
 import re
 import signal
@@ -23,6 +23,15 @@ class VersionTest(unittest.TestCase):
         ):
             said = subprocess.run([program, "--version"], capture_output=True, text=True, check=True)
             self.assertEqual(said.stdout, f"{name} {self.version}\n")
+
+    def test_the_packages_of_other_languages_say_it(self):
+        for path, pattern in (
+            ("client/python/pyproject.toml", r'^version = "(.*)"$'),
+            ("client/python/isomatch/__init__.py", r'^__version__ = "(.*)"$'),
+            ("client/node/package.json", r'^  "version": "(.*)",$'),
+        ):
+            text = (deployment.ROOT / path).read_text()
+            self.assertEqual(re.findall(pattern, text, re.MULTILINE), [self.version], path)
 
     def test_the_service_says_it(self):
         free_port = {"ISOMATCH_LISTEN": "127.0.0.1:0", "ISOMATCH_METRICS_LISTEN": "off"}

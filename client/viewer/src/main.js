@@ -1,4 +1,4 @@
-// Puts the page together. What it gets is written by client/view_page.cc.
+// Puts the page together. What it gets is written by client/viewer/page.cc.
 import wasm from 'three/examples/jsm/libs/draco/draco_decoder.wasm';
 import {element, histogram, list, short, showScale, table} from './panels.js';
 import {readPair} from './pair.js';

@@ -147,6 +147,10 @@ TEST(PageDataTest, ALayerMayBeEmptyOrConstant) {
 TEST(PageTest, IsWholeAndLoadsNothing) {
   const std::string page = FormatPage(SmallView(), {}).value();
   EXPECT_THAT(page, HasSubstr("<title>a &lt;b&gt; &amp; c</title>"));
+  for (const char* author :
+       {"three.js authors", "Garrett Johnson", "Draco Authors"}) {
+    EXPECT_THAT(page, HasSubstr(author));  // as their licences want
+  }
   EXPECT_THAT(page, Not(HasSubstr("</script>\",\"vertices")));
   for (const char* mark : {"<!--", "/*STYLE*/", "/*DRACO*/", "/*SCRIPT*/"}) {
     EXPECT_THAT(page.substr(0, page.find("<script>")), Not(HasSubstr(mark)));
