@@ -22,6 +22,9 @@ namespace fs = std::filesystem;
 /// Half-written files, which no tenant can be called.
 constexpr char kTemporaryFolder[] = ".tmp";
 
+/// How often a file is written that others remove before it is counted.
+constexpr int kTries = 3;
+
 struct FoundFile {
   BlobKey key;
   std::int64_t bytes = 0;
@@ -107,18 +110,32 @@ absl::Status DirectoryBlobStore::Put(const BlobKey& key, std::string bytes,
     if (entry != nullptr) size = 0;  // it has its room
   }
   ISOMATCH_RETURN_IF_ERROR(TakeRoom(size));
-  const absl::Status written = WriteWithinMemory(key, bytes);
+  for (int tries = 0; tries < kTries; ++tries) {
+    const absl::Status written = WriteWithinMemory(key, bytes);
+    MutexLock lock(mutex_);
+    arriving_bytes_ -= size;
+    ISOMATCH_RETURN_IF_ERROR(written);
+    if (AddWritten(key, bytes, pins)) return absl::OkStatus();
+    arriving_bytes_ += size;
+  }
   MutexLock lock(mutex_);
   arriving_bytes_ -= size;
-  ISOMATCH_RETURN_IF_ERROR(written);
+  return absl::UnavailableError(
+      absl::StrCat("the file ", PathOf(key), " vanishes"));
+}
+
+bool DirectoryBlobStore::AddWritten(const BlobKey& key,
+                                    const std::string& bytes, int pins) {
   BlobIndex::Entry* entry = index_.Touch(key);  // somebody else may have put it
   if (entry == nullptr) {
+    // Or put it and lost it again, and this file with it.
+    if (access(PathOf(key).c_str(), F_OK) != 0) return false;
     entry = &index_.Add(
         {.key = key, .bytes = static_cast<std::int64_t>(bytes.size())});
   }
   entry->is_damaged = false;
   entry->pins += pins;
-  return absl::OkStatus();
+  return true;
 }
 
 absl::Status DirectoryBlobStore::TakeRoom(std::int64_t bytes) {

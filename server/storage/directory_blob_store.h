@@ -71,6 +71,10 @@ class DirectoryBlobStore : public BlobStore {
   /// Makes room and counts the bytes as taken before they are written.
   absl::Status TakeRoom(std::int64_t bytes);
 
+  /// Counts a file that was just written; false when it is not there any more.
+  bool AddWritten(const BlobKey& key, const std::string& bytes, int pins)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+
   const std::string folder_;
   const Options options_;
   mutable Mutex mutex_;

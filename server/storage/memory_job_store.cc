@@ -94,14 +94,15 @@ absl::StatusOr<JobRecord> MemoryJobStore::Update(JobRecord record) {
       on_error_(written);
     }
   }
+  JobRecord copy = record;  // nothing has changed if memory ends here
   MutexLock lock(mutex_);
   JobRecord& stored = records_.at(record.id);
   if (IsTerminal(record.state)) {
+    terminal_.emplace(record.sequence, record.id);
     terminal_.erase(stored.sequence);
-    terminal_[record.sequence] = record.id;
     result_bytes_ += ResultBytes(record) - ResultBytes(stored);
   }
-  stored = record;
+  stored = std::move(copy);
   return record;
 }
 
@@ -193,6 +194,8 @@ std::vector<JobRecord> MemoryJobStore::Excess(const KeepLimits& limits) const {
 }
 
 void MemoryJobStore::Add(const JobRecord& record) {
+  // First of all, so that what the tables name is there wherever memory ends.
+  records_[record.id] = record;
   by_number_[record.number] = record.id;
   if (!record.request_id.empty()) {
     by_request_[{record.tenant, record.request_id}] = record.id;
@@ -201,7 +204,6 @@ void MemoryJobStore::Add(const JobRecord& record) {
     terminal_[record.sequence] = record.id;
     result_bytes_ += ResultBytes(record);
   }
-  records_[record.id] = record;
 }
 
 void MemoryJobStore::Remove(const std::string& id) {

@@ -154,6 +154,34 @@ TEST_F(DirectoryBlobStoreTest, ARefusingDiskLeavesNothingBehind) {
   EXPECT_THAT((*store)->Put(KeyOf("a"), "a", Keep::kPinned), IsOk());
 }
 
+TEST_F(DirectoryBlobStoreTest,
+       AFileThatOthersEvictBeforeItCountsIsWrittenAgain) {
+  std::unique_ptr<DirectoryBlobStore> store;
+  int writes = 0;
+  auto opened = DirectoryBlobStore::Open(
+      root_, 20,
+      {.write = [&](const std::string& path, const std::string& temporary,
+                    absl::string_view bytes) {
+        const absl::Status written = WriteFileDurably(path, temporary, bytes);
+        if (++writes == 1) {
+          // Another puts the same; then somebody needs the room.
+          EXPECT_THAT(store->Put(KeyOf("same"), "same", Keep::kWhileRoom),
+                      IsOk());
+          const std::string large(13, 'l');
+          EXPECT_THAT(store->Put(KeyOf(large), large, Keep::kWhileRoom),
+                      IsOk());
+        }
+        return written;
+      }});
+  ASSERT_THAT(opened, IsOk());
+  store = *std::move(opened);
+  ASSERT_THAT(store->Put(KeyOf("same"), "same", Keep::kPinned), IsOk());
+  EXPECT_EQ(writes, 4);
+  const BlobStore::Blob found = store->Get(KeyOf("same"));
+  ASSERT_NE(found, nullptr);
+  EXPECT_EQ(*found, "same");
+}
+
 TEST_F(DirectoryBlobStoreTest, ManyThreadsGetWhatWasPut) {
   Open(300);
   const auto work = [&](int seed) {
