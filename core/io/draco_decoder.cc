@@ -412,8 +412,8 @@ absl::StatusOr<TriangleMesh> DecodeDraco(absl::string_view bytes,
   try {
     return DecodeUnguarded(bytes, order, vertex_count, limits);
   } catch (const std::bad_alloc&) {
-    return absl::InvalidArgumentError(
-        "the Draco stream asks for more memory than there is");
+    return absl::ResourceExhaustedError(
+        "not enough memory to decode the Draco stream");
   } catch (const std::exception& error) {
     return absl::InvalidArgumentError(
         absl::StrCat("damaged Draco stream: ", error.what()));

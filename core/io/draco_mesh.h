@@ -43,8 +43,8 @@ struct DracoLimits {
 /// origin; with kDecoded it must equal the decoded count.
 ///
 /// INVALID_ARGUMENT: not a Draco triangle mesh, over a limit, a face index out
-/// of range, no positions, no or bad ids, another vertex count. What
-/// limits.reserve returned.
+/// of range, no positions, no or bad ids, another vertex count.
+/// RESOURCE_EXHAUSTED: there is no memory for it. What limits.reserve returned.
 absl::StatusOr<TriangleMesh> DecodeDraco(absl::string_view bytes,
                                          VertexOrder order,
                                          std::int64_t vertex_count,

@@ -97,6 +97,7 @@ absl::StatusOr<TriangleMesh> ParseMesh(const v1::Mesh& mesh,
   auto decoded = DecodeWithin(context.limits, bytes, order, mesh.vertex_count(),
                               held_bytes);
   if (absl::IsFailedPrecondition(decoded.status())) return decoded.status();
+  if (absl::IsResourceExhausted(decoded.status())) return OutOfMemory();
   if (!decoded.ok()) {
     return MeshMalformed(field + (held ? ".digest" : ".draco"),
                          std::string(decoded.status().message()));

@@ -20,6 +20,7 @@ constexpr char kMetadata[] = "isomatch/metadata/";
 
 /// Disks fill and empty slowly.
 constexpr absl::Duration kRetryStorageFailed = absl::Seconds(10);
+constexpr absl::Duration kRetryOutOfMemory = absl::Seconds(5);
 constexpr absl::Duration kRetryStorageQuota = absl::Seconds(10);
 
 using Metadata =
@@ -174,7 +175,10 @@ absl::Status TenantQuota(const std::string& tenant, std::int64_t queued_jobs,
 }
 
 absl::Status StorageFailed(const absl::Status& problem) {
-  return WithRetry(Make(problem.code(), "STORAGE_FAILED",
+  const absl::StatusCode code = absl::IsResourceExhausted(problem)
+                                    ? problem.code()
+                                    : absl::StatusCode::kUnavailable;
+  return WithRetry(Make(code, "STORAGE_FAILED",
                         absl::StrCat("the server cannot store the job: ",
                                      problem.message())),
                    kRetryStorageFailed);
@@ -202,8 +206,9 @@ absl::Status UploadQuota(std::int64_t size_bytes, absl::Duration retry_after) {
 }
 
 absl::Status OutOfMemory(absl::string_view message) {
-  return Make(absl::StatusCode::kResourceExhausted, "OUT_OF_MEMORY",
-              std::string(message));
+  return WithRetry(Make(absl::StatusCode::kResourceExhausted, "OUT_OF_MEMORY",
+                        std::string(message)),
+                   kRetryOutOfMemory);
 }
 
 absl::Status JobNeedsMoreMemoryThanBudget(std::int64_t needed_bytes,
@@ -267,7 +272,8 @@ absl::Status RunTimeout(absl::Duration limit) {
 }
 
 absl::Status UploadIdle(absl::Duration limit) {
-  return Timeout("UPLOAD_IDLE", "the upload sent nothing", limit);
+  return Timeout("UPLOAD_IDLE", "the upload sent less than 1 KiB a second",
+                 limit);
 }
 
 absl::Status JobNotFound(const std::string& id) {

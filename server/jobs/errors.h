@@ -49,7 +49,7 @@ absl::Status TenantQuota(const std::string& tenant, std::int64_t queued_jobs,
 absl::Status StorageQuota(const std::string& tenant, std::int64_t size_bytes,
                           std::int64_t limit_bytes);
 absl::Status UploadQuota(std::int64_t size_bytes, absl::Duration retry_after);
-/// With the code of `problem`, which is UNAVAILABLE when the disk refuses.
+/// RESOURCE_EXHAUSTED if `problem` is, else UNAVAILABLE.
 absl::Status StorageFailed(const absl::Status& problem);
 absl::Status OutOfMemory(
     absl::string_view message = "the server ran out of memory for this job");

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <cstdio>
+#include <new>
 #include <random>
 #include <tuple>
 #include <utility>
@@ -270,6 +271,16 @@ TEST(DracoMeshTest, WhatCannotBeReservedIsNotDecoded) {
                 StatusIs(absl::StatusCode::kResourceExhausted, "not now"));
     EXPECT_EQ(calls, last);
   }
+}
+
+TEST(DracoMeshTest, WithoutMemoryTheStreamIsNotCalledDamaged) {
+  const absl::StatusOr<EncodedMesh> encoded = EncodeDraco(UnitSphere(3));
+  ASSERT_THAT(encoded, IsOk());
+  DracoLimits limits;
+  limits.reserve = [](std::int64_t) -> absl::Status { throw std::bad_alloc(); };
+  EXPECT_THAT(
+      DecodeDraco(encoded->bytes, encoded->vertex_order, 0, limits),
+      StatusIs(absl::StatusCode::kResourceExhausted, HasSubstr("memory")));
 }
 
 TEST(DracoMeshTest, LimitsAreKept) {

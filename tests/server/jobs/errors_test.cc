@@ -39,6 +39,7 @@ TEST(ErrorsTest, AnOffsetBeyondWhatIsThereNamesBoth) {
 TEST(ErrorsTest, OnesThatPassTellWhenToTryAgain) {
   EXPECT_EQ(DetailsOf(QueueFull(7, absl::Seconds(5))).retry_after,
             absl::Seconds(5));
+  EXPECT_TRUE(DetailsOf(OutOfMemory()).retry_after);
   EXPECT_EQ(DetailsOf(Draining(absl::Milliseconds(1500))).retry_after,
             absl::Milliseconds(1500));
 }
