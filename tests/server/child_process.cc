@@ -31,9 +31,10 @@ namespace {
 }
 
 std::vector<std::string> OnFreePort(std::vector<std::string> flags) {
-  const bool is_durable =
-      std::find(flags.begin(), flags.end(), "--data-dir") != flags.end();
-  if (!is_durable) flags.push_back("--ephemeral");
+  const bool is_named =
+      std::find(flags.begin(), flags.end(), "--data-dir") != flags.end() ||
+      std::find(flags.begin(), flags.end(), "--ephemeral") != flags.end();
+  if (!is_named) flags.push_back("--ephemeral");
   flags.insert(flags.end(),
                {"--listen", "127.0.0.1:0", "--metrics-listen", "127.0.0.1:0"});
   return flags;

@@ -25,6 +25,11 @@ CallError ErrorOf(const grpc::Status& status) {
   return error;
 }
 
+absl::Time ToTime(const google::protobuf::Timestamp& proto) {
+  return absl::FromUnixSeconds(proto.seconds()) +
+         absl::Nanoseconds(proto.nanos());
+}
+
 v1::Mesh ToDraco(const TriangleMesh& mesh) {
   const auto encoded = EncodeDraco(mesh);
   EXPECT_TRUE(encoded.ok());

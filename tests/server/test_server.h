@@ -10,6 +10,7 @@
 #include <grpcpp/grpcpp.h>
 #include <gtest/gtest.h>
 
+#include "absl/time/time.h"
 #include "core/mesh/triangle_mesh.h"
 #include "google/rpc/error_details.pb.h"
 #include "isomatch/v1/service.grpc.pb.h"
@@ -25,6 +26,8 @@ struct CallError {
   bool has_retry = false;
 };
 CallError ErrorOf(const grpc::Status& status);
+
+absl::Time ToTime(const google::protobuf::Timestamp& proto);
 
 /// The mesh of a job, as Draco bytes that keep the order of the vertices.
 v1::Mesh ToDraco(const TriangleMesh& mesh);

@@ -1,12 +1,17 @@
 // All workers are busy and the queue is full.
 
+#include <atomic>
+#include <optional>
 #include <random>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include <gtest/gtest.h>
 
+#include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "server/storage/sha256.h"
 #include "tests/server/test_server.h"
 #include "tests/soak/figures.h"
 #include "tests/soak/known_jobs.h"
@@ -21,11 +26,6 @@ void Set(absl::Duration duration, google::protobuf::Duration& proto) {
   const std::int64_t milliseconds = absl::ToInt64Milliseconds(duration);
   proto.set_seconds(milliseconds / 1000);
   proto.set_nanos(static_cast<std::int32_t>(milliseconds % 1000 * kMillis));
-}
-
-absl::Time ToTime(const google::protobuf::Timestamp& proto) {
-  return absl::FromUnixSeconds(proto.seconds()) +
-         absl::Nanoseconds(proto.nanos());
 }
 
 v1::CreateJobRequest SmallJob() {
@@ -43,6 +43,59 @@ std::string Occupy(Stub& stub) {
   return job->name();
 }
 
+/// Uploads one mesh of 4 MiB after the other.
+void UploadUntil(const std::atomic<bool>& stop, SoakServer& server) {
+  const std::shared_ptr<grpc::Channel> channel = server.Connect();
+  const auto stub = v1::CorrespondenceService::NewStub(channel);
+  for (int i = 0; !stop; ++i) {
+    std::string bytes(4 << 20, 'u');
+    bytes.replace(0, 8, absl::StrCat(absl::Dec(i, absl::kZeroPad8)));
+    CallContext context;
+    v1::UploadMeshResponse response;
+    const auto writer = stub->UploadMesh(&context, &response);
+    v1::UploadMeshRequest message;
+    message.mutable_header()->set_sha256(Sha256Hex(bytes));
+    message.mutable_header()->set_size_bytes(bytes.size());
+    writer->Write(message);
+    for (int part = 0; part < 4; ++part) {
+      message.set_chunk(bytes.substr(part << 20, 1 << 20));
+      writer->Write(message);
+    }
+    writer->WritesDone();
+    const grpc::Status status = writer->Finish();
+    EXPECT_TRUE(status.ok()) << status.error_message();
+    absl::SleepFor(absl::Milliseconds(100));
+  }
+}
+
+/// Calls of one client to a server whose queue is full.
+struct Refusals {
+  std::vector<absl::Duration> took;
+  /// How often health was not SERVING.
+  int unhealthy = 0;
+};
+
+Refusals Overload(SoakServer& server, int calls) {
+  const std::shared_ptr<grpc::Channel> channel = server.Connect();
+  const auto stub = v1::CorrespondenceService::NewStub(channel);
+  const v1::CreateJobRequest request = SmallJob();
+  Refusals refusals;
+  for (int i = 0; i < calls; ++i) {
+    CallContext context;
+    v1::CreateJobResponse response;
+    const absl::Time begin = absl::Now();
+    const grpc::Status status = stub->CreateJob(&context, request, &response);
+    refusals.took.push_back(absl::Now() - begin);
+    const CallError error = ErrorOf(status);
+    EXPECT_EQ(error.code, grpc::StatusCode::RESOURCE_EXHAUSTED);
+    EXPECT_EQ(error.reason, "QUEUE_FULL");
+    EXPECT_TRUE(error.has_retry);
+    if (i % 10 == 0 && !IsServing(channel)) ++refusals.unhealthy;
+    absl::SleepFor(absl::Milliseconds(5));
+  }
+  return refusals;
+}
+
 TEST(OverloadTest, AFullQueueRefusesQuicklyAndTheServerStaysHealthy) {
   SoakServer server({"--max-queued-jobs", "20"});
   Occupy(server.stub());
@@ -50,21 +103,23 @@ TEST(OverloadTest, AFullQueueRefusesQuicklyAndTheServerStaysHealthy) {
   for (int i = 0; i < 20; ++i) {
     ASSERT_TRUE(CreateJob(server.stub(), request).ok());
   }
+  std::atomic<bool> stop = false;
+  std::thread uploads([&] { UploadUntil(stop, server); });
+  constexpr int kClients = 8;
+  const int calls = Rounds("ISOMATCH_OVERLOAD_CALLS", 320, 4800) / kClients;
+  std::vector<Refusals> of_clients(kClients);
+  std::vector<std::thread> clients;
+  for (Refusals& refusals : of_clients) {
+    clients.emplace_back([&] { refusals = Overload(server, calls); });
+  }
+  for (std::thread& client : clients) client.join();
+  stop = true;
+  uploads.join();
   Latencies refusals;
   int unhealthy = 0;
-  const int calls = Rounds("ISOMATCH_OVERLOAD_CALLS", 300, 5000);
-  for (int i = 0; i < calls; ++i) {
-    CallContext context;
-    v1::CreateJobResponse response;
-    const absl::Time begin = absl::Now();
-    const grpc::Status status =
-        server.stub().CreateJob(&context, request, &response);
-    refusals.Add(absl::Now() - begin);
-    const CallError error = ErrorOf(status);
-    ASSERT_EQ(error.code, grpc::StatusCode::RESOURCE_EXHAUSTED);
-    ASSERT_EQ(error.reason, "QUEUE_FULL");
-    ASSERT_TRUE(error.has_retry);
-    if (i % 10 == 0 && !IsServing(server.channel())) ++unhealthy;
+  for (const Refusals& client : of_clients) {
+    for (const absl::Duration took : client.took) refusals.Add(took);
+    unhealthy += client.unhealthy;
   }
   PrintFigure("overload: refusal, median", refusals.Milliseconds(0.5), "ms");
   PrintFigure("overload: refusal, slowest", refusals.Milliseconds(1), "ms");
@@ -131,15 +186,17 @@ TEST(OverloadTest, RunTimeoutsHoldWhileAllWorkersAreBusy) {
 }
 
 /// Cancels a job some time after it started; returns how long it takes until
-/// neither worker nor memory is held, from the call on.
-absl::Duration CancelAfter(Stub& stub, const v1::CreateJobRequest& request,
-                           absl::Duration wait) {
+/// neither worker nor memory is held, from the call on; nullopt for a job that
+/// had ended by then.
+std::optional<absl::Duration> CancelAfter(Stub& stub,
+                                          const v1::CreateJobRequest& request,
+                                          absl::Duration wait) {
   const auto job = CreateJob(stub, request);
   EXPECT_TRUE(job.ok()) << job.status();
   WaitUntilRuns(stub, job->name());
   absl::SleepFor(wait);
   const absl::Time begin = absl::Now();
-  if (!CancelJob(stub, job->name()).ok()) return absl::ZeroDuration();
+  if (!CancelJob(stub, job->name()).ok()) return std::nullopt;
   while (absl::Now() < begin + absl::Seconds(30)) {
     const v1::GetServerInfoResponse info = GetInfo(stub);
     if (info.running_jobs() == 0 && info.memory_reserved_bytes() == 0) break;
@@ -157,15 +214,20 @@ TEST(OverloadTest, ACancelledJobGivesItsWorkerAndMemoryBack) {
   std::uniform_real_distribution<double> seconds(0, IsSoak() ? 2.5 : 0.6);
   Latencies stops;
   std::int64_t warm_bytes = 0;
+  int cancelled = 0;
   const int count = Rounds("ISOMATCH_CANCELS", 12, 200);
   for (int i = 0; i < count; ++i) {
     // Every tenth time later, to meet the later stages of the paper's way.
     const absl::Duration wait =
         absl::Seconds(seconds(random)) * (IsSoak() && i % 10 == 9 ? 12 : 1);
     const v1::CreateJobRequest& request = i % 2 == 0 ? quick : paper;
-    stops.Add(CancelAfter(server.stub(), request, wait));
+    const auto took = CancelAfter(server.stub(), request, wait);
+    if (took) stops.Add(*took);
+    cancelled += took.has_value() ? 1 : 0;
     if (i == count / 2) warm_bytes = server.ResidentBytes();
   }
+  PrintFigure("cancel: jobs that had not ended by then", cancelled, "");
+  ASSERT_GT(cancelled, count / 4);
   PrintFigure("cancel: median", stops.Milliseconds(0.5), "ms");
   PrintFigure("cancel: slowest", stops.Milliseconds(1), "ms");
   ExpectAtMost("cancel: until worker and memory are free, p99",

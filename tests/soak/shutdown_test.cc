@@ -119,6 +119,8 @@ TEST(ShutdownTest, IsInTimeWhateverThePeersDo) {
     std::vector<std::string> flags = {"--drain-timeout", "1s"};
     if (i % 4 < 2) {
       flags.insert(flags.end(), {"--data-dir", folder.Path("data")});
+    } else {
+      flags.push_back("--ephemeral");
     }
     SoakServer server(flags);
     const bool is_busy = i % 2 == 0;

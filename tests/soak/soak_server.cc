@@ -1,5 +1,6 @@
 #include "tests/soak/soak_server.h"
 
+#include <algorithm>
 #include <fstream>
 #include <utility>
 
@@ -21,10 +22,21 @@ absl::Status FromGrpc(const grpc::Status& status) {
           absl::StrCat(ErrorOf(status).reason, ": ", status.error_message())};
 }
 
+std::vector<std::string> Durable(std::vector<std::string> flags,
+                                 const TemporaryFolder& folder) {
+  const auto has = [&](const char* flag) {
+    return std::find(flags.begin(), flags.end(), flag) != flags.end();
+  };
+  if (!has("--data-dir") && !has("--ephemeral")) {
+    flags.insert(flags.end(), {"--data-dir", folder.Path("data")});
+  }
+  return flags;
+}
+
 }  // namespace
 
 SoakServer::SoakServer(std::vector<std::string> flags)
-    : server_(ISOMATCH_SERVER_BINARY, std::move(flags)),
+    : server_(ISOMATCH_SERVER_BINARY, Durable(std::move(flags), folder_)),
       log_reader_([this] { server_.process.ReadLines(); }),
       channel_(Connect()),
       stub_(v1::CorrespondenceService::NewStub(channel_)) {}

@@ -12,6 +12,7 @@
 #include "absl/status/statusor.h"
 #include "isomatch/v1/service.grpc.pb.h"
 #include "tests/server/child_process.h"
+#include "tests/support/temporary_folder.h"
 
 namespace isomatch {
 
@@ -21,7 +22,7 @@ using Stub = v1::CorrespondenceService::Stub;
 /// a connection to it. Killed at the end.
 class SoakServer {
  public:
-  /// As ServerProcess: in memory unless the flags name a --data-dir.
+  /// With a data folder of its own unless the flags name one, or --ephemeral.
   explicit SoakServer(std::vector<std::string> flags = {});
   ~SoakServer();
 
@@ -41,6 +42,7 @@ class SoakServer {
   std::int64_t SettledResidentBytes() const;
 
  private:
+  const TemporaryFolder folder_;
   ServerProcess server_;
   std::thread log_reader_;
   std::shared_ptr<grpc::Channel> channel_;
