@@ -81,24 +81,28 @@ std::int64_t ChoosePreparedCacheBytes(const ServerConfig& config) {
   return std::min(config.prepared_cache_bytes, ChooseBudgetBytes(config) / 4);
 }
 
-// What is held beside the budget: unfinished uploads and requests, and the
-// meshes that CreateJob decodes, for one request at a time (a job that starts
-// decodes them within its reservation). A quarter of the budget
-// together, which is what ChooseMemoryBudget leaves at least.
+// What is held beside the budget: unfinished uploads, requests, and the meshes
+// that CreateJob decodes, for one request at a time (a job that starts decodes
+// them within its reservation). Seven thirty-seconds of the budget together;
+// ChooseMemoryBudget leaves eight at least, the last for the process itself.
+
+std::int64_t RequestBytes(const ServerConfig& config) {
+  return std::min(config.blob_store_bytes / 2, ChooseBudgetBytes(config) / 32);
+}
 
 std::int64_t UploadBytes(const ServerConfig& config) {
   return std::min(config.blob_store_bytes / 2, ChooseBudgetBytes(config) / 16);
 }
 
 std::int64_t ReadingBytes(const ServerConfig& config) {
-  return ChooseBudgetBytes(config) / 16 * 3;
+  return ChooseBudgetBytes(config) / 8;
 }
 
 RequestLimits MakeRequestLimits(const ServerConfig& config) {
   RequestLimits limits;
   // What never has room is refused as too large, and nobody waits for it.
   limits.max_request_bytes =
-      std::min(config.max_request_bytes, UploadBytes(config));
+      std::min(config.max_request_bytes, RequestBytes(config));
   limits.max_mesh_bytes = std::min(config.max_mesh_bytes, UploadBytes(config));
   limits.max_bytes_per_tenant = config.max_bytes_per_tenant;
   limits.max_queued_jobs = config.max_queued_jobs;
@@ -122,6 +126,23 @@ void InitGrpcPlugins() {
     grpc::reflection::InitProtoReflectionServerBuilderPlugin();
   });
 }
+
+/// Takes reflection, which gRPC adds to every server of a process, from one.
+class WithoutReflection : public grpc::ServerBuilderOption {
+ public:
+  using Plugins = std::vector<std::unique_ptr<grpc::ServerBuilderPlugin>>;
+
+  void UpdateArguments(grpc::ChannelArguments*) override {}
+  void UpdatePlugins(Plugins* plugins) override {
+    const std::string reflection =
+        grpc::reflection::ProtoServerReflectionPlugin().name();
+    plugins->erase(std::remove_if(plugins->begin(), plugins->end(),
+                                  [&](const auto& plugin) {
+                                    return plugin->name() == reflection;
+                                  }),
+                   plugins->end());
+  }
+};
 
 void SetChannelArguments(const RequestLimits& limits,
                          grpc::ServerBuilder& builder) {
@@ -181,12 +202,14 @@ class Server::Impl {
   const Stores stores_;
   PreparedCache prepared_;
   MemoryBudget budget_;
+  MemoryBudget requests_;
   MemoryBudget uploads_;
   const JobRunner runner_;
   // Joined in ~Impl, in the reverse order of who calls whom.
   std::unique_ptr<ThreadPool> workers_;
   std::unique_ptr<ThreadPool> timers_;
   std::unique_ptr<ThreadPool> intake_;
+  std::unique_ptr<ThreadPool> disk_;
   PartialUploads partial_uploads_;
   JobManager manager_;
   const ServiceContext context_;
@@ -206,12 +229,14 @@ Server::Impl::Impl(const ServerConfig& config, MatchEngine engine,
       stores_(std::move(stores)),
       prepared_(ChoosePreparedCacheBytes(config), stores_.prepared.get()),
       budget_(ChooseBudgetBytes(config) - ChoosePreparedCacheBytes(config)),
+      requests_(RequestBytes(config)),
       uploads_(UploadBytes(config)),
       runner_(std::move(engine), absl::Now,
               config.prepared_cache_bytes > 0 ? &prepared_ : nullptr),
       workers_(std::make_unique<ThreadPool>(config.workers)),
       timers_(std::make_unique<ThreadPool>(1)),
       intake_(std::make_unique<ThreadPool>(1)),
+      disk_(std::make_unique<ThreadPool>(1)),
       partial_uploads_(&uploads_, timers_.get(), config.partial_upload_kept),
       manager_(MakeJobLimits(), MakeJobParts()),
       context_(MakeContext()),
@@ -222,6 +247,7 @@ Server::Impl::~Impl() {
   if (prometheus_ != nullptr) prometheus_->Close();
   partial_uploads_.Clear();
   intake_.reset();
+  disk_.reset();
   workers_.reset();
   timers_.reset();
 }
@@ -300,8 +326,10 @@ ServiceContext Server::Impl::MakeContext() {
   context.manager = &manager_;
   context.blobs = stores_.blobs.get();
   context.budget = &budget_;
+  context.requests = &requests_;
   context.partial_uploads = &partial_uploads_;
   context.intake = intake_.get();
+  context.disk = disk_.get();
   context.metrics = &metrics_;
   context.parse = {stores_.blobs.get(), &runner_, MakeRequestLimits(config_),
                    ChooseThreads(config_)};
@@ -328,6 +356,9 @@ absl::Status Server::Impl::Listen() {
                              &port_);
   }
   builder.RegisterService(&service_);
+  if (config_.no_reflection) {
+    builder.SetOption(std::make_unique<WithoutReflection>());
+  }
   std::vector<
       std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>>
       interceptors;

@@ -76,14 +76,23 @@ absl::Status CheckExposure(const ServerConfig& config) {
       "--insecure if the network is trusted or a TLS proxy stands in front"));
 }
 
-absl::Status CheckMetricsListen(const std::string& listen) {
+absl::Status CheckMetricsListen(const ServerConfig& config) {
+  const std::string& listen = config.metrics_listen;
+  if (listen == "off") return absl::OkStatus();
   // Debian's civetweb, which serves the metrics, knows no IPv6.
-  const bool is_ipv6 = absl::StartsWith(listen, "[");
-  if (listen == "off" || (IsAddress(listen) && !is_ipv6)) {
+  if (!IsAddress(listen) || absl::StartsWith(listen, "[")) {
+    return WrongValue("--metrics-listen", listen,
+                      "HOST:PORT of IPv4, e.g. 127.0.0.1:7444, or off");
+  }
+  if (config.insecure || config.insecure_metrics ||
+      IsLoopback(listen.substr(0, listen.rfind(':')))) {
     return absl::OkStatus();
   }
-  return WrongValue("--metrics-listen", listen,
-                    "HOST:PORT of IPv4, e.g. 127.0.0.1:7444, or off");
+  return absl::InvalidArgumentError(absl::StrCat(
+      "--metrics-listen = ", listen,
+      " can be read by other machines without TLS or keys. Expected a loopback "
+      "address such as 127.0.0.1:7444, off, or --insecure-metrics if whoever "
+      "reaches it may read it"));
 }
 
 absl::Status CheckWord(absl::string_view field, const std::string& word,
@@ -115,7 +124,7 @@ absl::Status ServerConfig::Validate() const {
   ISOMATCH_RETURN_IF_ERROR(CheckListen(listen));
   ISOMATCH_RETURN_IF_ERROR(CheckTls(*this));
   ISOMATCH_RETURN_IF_ERROR(CheckExposure(*this));
-  ISOMATCH_RETURN_IF_ERROR(CheckMetricsListen(metrics_listen));
+  ISOMATCH_RETURN_IF_ERROR(CheckMetricsListen(*this));
   ISOMATCH_RETURN_IF_ERROR(CheckCount("--workers", workers, kWorkers));
   ISOMATCH_RETURN_IF_ERROR(
       CheckCount("--threads-per-job", threads_per_job, kThreadsPerJob));

@@ -22,6 +22,11 @@ struct ServerConfig {
   /// HOST:PORT of the metrics, IPv4; "off" for none. A server without
   /// `listen` has none either.
   std::string metrics_listen = "127.0.0.1:7444";
+  /// Allows a `metrics_listen` that other machines can reach; `insecure` does,
+  /// too.
+  bool insecure_metrics = false;
+  /// Whether gRPC's reflection tells who asks about services and messages.
+  bool no_reflection = false;
 
   // Who may call; paths of files, none when empty.
 

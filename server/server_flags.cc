@@ -58,6 +58,11 @@ void AddNetworkFlags(FlagSet& flags, ServerConfig& config) {
   flags.AddText("--metrics-listen", config.metrics_listen, "ADDRESS",
                 "HOST:PORT of the metrics for Prometheus, in plain HTTP; port "
                 "0 picks a free one, off is none");
+  flags.AddSwitch("--insecure-metrics", config.insecure_metrics,
+                  "Allow --metrics-listen beyond this machine");
+  flags.AddSwitch("--no-reflection", config.no_reflection,
+                  "Do not tell clients by gRPC's reflection which services "
+                  "there are");
 }
 
 void AddSecurityFlags(FlagSet& flags, ServerConfig& config) {

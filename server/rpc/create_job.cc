@@ -1,5 +1,6 @@
 #include "server/rpc/create_job.h"
 
+#include <algorithm>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -11,11 +12,16 @@
 #include "core/base/status_macros.h"
 #include "server/convert/job_proto.h"
 #include "server/convert/stored_request.h"
+#include "server/jobs/errors.h"
 #include "server/jobs/within_memory.h"
 #include "server/rpc/grpc_status.h"
 
 namespace isomatch {
 namespace {
+
+/// What a waiting request counts with at least, so that there are not too many
+/// small ones: those of `validate_only` need no place in the queue.
+constexpr std::int64_t kLeastBytes = 16 << 10;
 
 absl::StatusOr<JobSnapshot> Create(const ServiceContext& context,
                                    const Caller& caller,
@@ -61,15 +67,17 @@ grpc::ServerUnaryReactor* StartCreateJob(const ServiceContext& context,
     place = *std::move(taken);
   }
   const auto bytes = static_cast<std::int64_t>(request->ByteSizeLong());
-  auto reserved = context.partial_uploads->Reserve(bytes);
+  auto reserved = context.requests->Reserve(std::max(bytes, kLeastBytes));
   if (!reserved.ok()) {
-    reactor->Finish(ToGrpc(reserved.status()));
+    reactor->Finish(ToGrpc(UploadQuota(bytes, kRetryUploadQuota)));
     return reactor;
   }
   const auto held =
       std::make_shared<MemoryBudget::Reservation>(*std::move(reserved));
   context.intake->Post([&context, caller, reactor, request, response, held,
-                        place = std::move(place)]() mutable {
+                        call, place = std::move(place)]() mutable {
+    // Nobody waits for the answer of a call that has ended meanwhile.
+    if (call->IsCancelled()) return reactor->Finish(grpc::Status::CANCELLED);
     const absl::Status answered = WithinMemory([&] {
       return Answer(context, caller, *request, std::move(place), *response);
     });

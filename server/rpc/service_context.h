@@ -22,12 +22,15 @@ struct ServiceContext {
   JobManager* manager;
   BlobStore* blobs;
   MemoryBudget* budget;
-  /// Room for unfinished uploads and CreateJob requests, and what uploads that
-  /// broke off have brought.
+  /// Room for CreateJob requests that wait for `intake`.
+  MemoryBudget* requests;
+  /// Room for unfinished uploads, and what those that broke off have brought.
   PartialUploads* partial_uploads;
   /// Decodes and checks CreateJob's meshes, one request at a time, so that gRPC
   /// threads stay free and decoding needs bounded memory.
   Executor* intake;
+  /// Writes uploaded meshes to disk, which takes a while.
+  Executor* disk;
   Metrics* metrics = &NullMetrics();
   ParseContext parse;
   int workers = 1;

@@ -17,13 +17,16 @@
 namespace isomatch {
 namespace {
 
+/// Bytes a second. Who sends less holds room that others need.
+constexpr double kLeastSpeed = 1024;
+
 /// One UploadMesh call.
 ///
 ///   1. Begin: reads the first message, sets the idle alarm.
 ///   2. OnReadDone: takes the message, reads the next; finishes on an error, or
-///      at once when the mesh is known, or, at the end of the stream, when the
-///      mesh is stored.
-///   3. The alarm: finishes when nothing came since it was set.
+///      at once when the mesh is known. At the end of the stream the disk's
+///      executor stores the mesh and finishes, whatever happens meanwhile.
+///   3. The alarm: finishes when less than kLeastSpeed came since it was set.
 ///   4. OnCancel: finishes with CANCELLED.
 ///   5. OnDone: nothing reads any more; keeps the bytes of an upload that broke
 ///      off, lets go of itself.
@@ -47,10 +50,10 @@ class UploadMeshReactor final
   }
 
   void OnReadDone(bool ok) override {
-    ++reads_;
     if (!ok) return OnEndOfStream();
-    context_.metrics->Uploaded(
-        static_cast<std::int64_t>(request_.chunk().size()));
+    const auto bytes = static_cast<std::int64_t>(request_.chunk().size());
+    received_bytes_ += bytes;
+    context_.metrics->Uploaded(bytes);
     const absl::Status taken =
         WithinMemory([&] { return upload_.Take(request_); });
     if (!taken.ok()) return FinishOnce(ToGrpc(taken));
@@ -58,7 +61,7 @@ class UploadMeshReactor final
     StartRead(&request_);
   }
 
-  void OnCancel() override { FinishOnce(grpc::Status::CANCELLED); }
+  void OnCancel() override { FinishUnlessStoring(grpc::Status::CANCELLED); }
 
   void OnDone() override {
     alarm_.Cancel();
@@ -72,7 +75,16 @@ class UploadMeshReactor final
     {
       MutexLock lock(mutex_);
       if (finished_) return;
+      storing_ = true;
     }
+    const absl::Status posted = WithinMemory([&] {
+      context_.disk->Post([this] { Store(); });
+      return absl::OkStatus();
+    });
+    if (!posted.ok()) FinishOnce(ToGrpc(posted));
+  }
+
+  void Store() {
     const absl::Status stored = WithinMemory([&] { return upload_.End(); });
     if (!stored.ok()) return FinishOnce(ToGrpc(stored));
     FinishWithAnswer();
@@ -93,14 +105,24 @@ class UploadMeshReactor final
   }
 
   void OnAlarm() {
-    const bool idle = reads_ == reads_at_alarm_;
-    reads_at_alarm_ = reads_;
-    if (idle) {
-      return FinishOnce(ToGrpc(UploadIdle(context_.upload_idle_timeout)));
+    const absl::Duration time = context_.upload_idle_timeout;
+    const std::int64_t received = received_bytes_;
+    const auto more = static_cast<double>(received - received_at_alarm_);
+    received_at_alarm_ = received;
+    if (more < kLeastSpeed * absl::ToDoubleSeconds(time)) {
+      return FinishUnlessStoring(ToGrpc(UploadIdle(time)));
     }
     // Under the lock, so that OnDone's Cancel comes after it.
     MutexLock lock(mutex_);
     if (!finished_) SetAlarm();
+  }
+
+  void FinishUnlessStoring(const grpc::Status& status) {
+    {
+      MutexLock lock(mutex_);
+      if (storing_ || std::exchange(finished_, true)) return;
+    }
+    Finish(status);
   }
 
   void FinishOnce(const grpc::Status& status) {
@@ -118,11 +140,13 @@ class UploadMeshReactor final
   v1::UploadMeshResponse& response_;
   /// Only used between two reads, and when all is done.
   MeshUpload upload_;
-  std::atomic<std::int64_t> reads_ = 0;
+  std::atomic<std::int64_t> received_bytes_ = 0;
   /// Only used by the alarm.
-  std::int64_t reads_at_alarm_ = 0;
+  std::int64_t received_at_alarm_ = 0;
 
   Mutex mutex_;
+  /// Nobody but Store finishes from here on.
+  bool storing_ ABSL_GUARDED_BY(mutex_) = false;
   bool finished_ ABSL_GUARDED_BY(mutex_) = false;
 };
 

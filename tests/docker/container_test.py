@@ -126,6 +126,7 @@ class ComposeTest(unittest.TestCase):
         settings = {**self.server["environment"], **server["environment"]}
         config = deployment.effective(IMAGE_CONFIG, settings)
         self.assertEqual(config["insecure"], "false")
+        self.assertEqual(config["insecure-metrics"], "true")
         [mount] = server["volumes"]
         folder = re.fullmatch(r"\./secrets:(.*):ro", mount).group(1)
         for key in ("tls-cert", "tls-key", "api-keys"):

@@ -34,6 +34,7 @@ class KubernetesTest(unittest.TestCase):
 
     def test_the_server_needs_tls_and_keys_and_finds_them(self):
         self.assertEqual(self.config["insecure"], "false")
+        self.assertEqual(self.config["insecure-metrics"], "true")
         for key in ("tls-cert", "tls-key", "api-keys"):
             folder, _, name = self.config[key].rpartition("/")
             [mount] = [m for m in self.container["volumeMounts"] if m["mountPath"] == folder]

@@ -114,6 +114,19 @@ TEST(ServerConfigTest, ListensBeyondThisMachineOnlyWithTlsAndKeysOrWhenTold) {
   EXPECT_THAT(config.Validate(), IsOk());
 }
 
+TEST(ServerConfigTest, MetricsLeaveThisMachineOnlyWhenTold) {
+  ServerConfig config;
+  config.metrics_listen = "0.0.0.0:7444";
+  EXPECT_THAT(config.Validate(),
+              StatusIs(kInvalid, AllOf(HasSubstr("0.0.0.0:7444 can be read"),
+                                       HasSubstr("--insecure-metrics"))));
+  ServerConfig all_insecure = config;
+  all_insecure.insecure = true;
+  EXPECT_THAT(all_insecure.Validate(), IsOk());
+  config.insecure_metrics = true;
+  EXPECT_THAT(config.Validate(), IsOk());
+}
+
 TEST(ServerConfigTest, CertificateAndKeyBelongTogether) {
   ServerConfig config;
   config.tls_cert = "server.crt";

@@ -19,6 +19,7 @@ namespace isomatch {
 namespace {
 
 using testing::HasSubstr;
+using testing::IsEmpty;
 using Health = grpc::health::v1::HealthCheckResponse;
 
 class ServiceTest : public TestServer {
@@ -34,7 +35,7 @@ class ServiceTest : public TestServer {
   }
 
   /// Sends a ServerReflectionRequest, whose stub Debian does not package, and
-  /// returns the response's bytes.
+  /// returns the response's bytes; none of a server without reflection.
   std::string Reflect(const std::string& request) {
     using Factory = grpc::internal::ClientReaderWriterFactory<grpc::ByteBuffer,
                                                               grpc::ByteBuffer>;
@@ -48,7 +49,10 @@ class ServiceTest : public TestServer {
     const grpc::Slice slice(request);
     stream->Write(grpc::ByteBuffer(&slice, 1));
     grpc::ByteBuffer response;
-    EXPECT_TRUE(stream->Read(&response));
+    if (!stream->Read(&response)) {
+      EXPECT_EQ(stream->Finish().error_code(), grpc::UNIMPLEMENTED);
+      return "";
+    }
     stream->WritesDone();
     EXPECT_TRUE(stream->Finish().ok());
     grpc::Slice bytes;
@@ -103,6 +107,14 @@ TEST_F(ServiceTest, ReflectionListsAllServicesAndKnowsThem) {
   // file_containing_symbol = 4
   EXPECT_THAT(Reflect(absl::StrCat("\x22\x15", symbol)),
               HasSubstr("HealthCheckRequest"));
+}
+
+TEST_F(ServiceTest, WithoutReflectionNothingIsListed) {
+  ServerConfig config = TestConfig();
+  config.no_reflection = true;
+  Restart(config, GatedEngine());
+  EXPECT_THAT(Reflect("\x3a\x01*"), IsEmpty());
+  EXPECT_EQ(Check(""), Health::SERVING);
 }
 
 TEST_F(ServiceTest, ARequestOverTheLimitIsRefused) {

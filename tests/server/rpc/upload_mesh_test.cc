@@ -168,6 +168,12 @@ TEST_F(UploadMeshTest, WhatUnfinishedUploadsMayHoldTogetherIsBounded) {
   const CallError error = ErrorOf(Upload(other, {}));
   EXPECT_EQ(error.reason, "UPLOAD_QUOTA");
   EXPECT_TRUE(error.has_retry);
+  // Others create their jobs meanwhile.
+  v1::CreateJobRequest job = SphereJob();
+  job.set_validate_only(true);
+  grpc::ClientContext create;
+  v1::CreateJobResponse created;
+  EXPECT_TRUE(stub_->CreateJob(&create, job, &created).ok());
   context.TryCancel();
   open->Finish();
 }
@@ -215,9 +221,24 @@ TEST_F(UploadMeshTest, AnOffsetBeyondWhatIsThereIsRefusedAndCostsNothing) {
   EXPECT_EQ(Received(DigestOf(bytes)), 8);
 }
 
+TEST_F(UploadMeshTest, ATricklingUploadIsDropped) {
+  ServerConfig config = TestConfig();
+  config.upload_idle_timeout = absl::Milliseconds(500);  // 512 bytes
+  Restart(config);
+  const std::string bytes(10'000, 'x');
+  grpc::ClientContext context;
+  const auto writer = stub_->UploadMesh(&context, &response_);
+  v1::UploadMeshRequest request;
+  *request.mutable_header() = DigestOf(bytes);
+  writer->Write(request);
+  request.set_chunk("x");
+  while (writer->Write(request)) absl::SleepFor(absl::Milliseconds(10));
+  EXPECT_EQ(ErrorOf(writer->Finish()).reason, "UPLOAD_IDLE");
+}
+
 TEST_F(UploadMeshTest, AnIdleUploadGoesOnWhereItWas) {
   ServerConfig config = TestConfig();
-  config.upload_idle_timeout = absl::Milliseconds(30);
+  config.upload_idle_timeout = absl::Milliseconds(500);
   Restart(config);
   const std::string bytes = "0123456789";
   grpc::ClientContext context;
