@@ -24,7 +24,7 @@ constexpr absl::Duration kProbeTimeout = absl::Seconds(2);
 
 /// What the shutdown may take beyond the drain timeout: a second, with the end
 /// of the process.
-constexpr absl::Duration kLastSecond = absl::Milliseconds(950);
+constexpr absl::Duration kLastSecond = absl::Milliseconds(900);
 
 /// Blocks the signals in this thread and those it starts, for sigwait.
 sigset_t BlockStopSignals() {

@@ -39,7 +39,7 @@ namespace {
 /// What clients get to ask for the results of jobs that ended while draining,
 /// and gRPC to end streams then. Together below the second that main.cc allows.
 constexpr absl::Duration kLastCalls = absl::Milliseconds(400);
-constexpr absl::Duration kStreamsEnd = absl::Milliseconds(500);
+constexpr absl::Duration kStreamsEnd = absl::Milliseconds(400);
 
 std::string RandomId() {
   std::string bytes(16, '\0');
