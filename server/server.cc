@@ -103,6 +103,9 @@ RequestLimits MakeRequestLimits(const ServerConfig& config) {
   // What never has room is refused as too large, and nobody waits for it.
   limits.max_request_bytes =
       std::min(config.max_request_bytes, RequestBytes(config));
+  // A chunk is a request, too.
+  limits.max_chunk_bytes = std::clamp<std::int64_t>(
+      limits.max_request_bytes / 2, 1, limits.max_chunk_bytes);
   limits.max_mesh_bytes = std::min(config.max_mesh_bytes, UploadBytes(config));
   limits.max_bytes_per_tenant = config.max_bytes_per_tenant;
   limits.max_queued_jobs = config.max_queued_jobs;

@@ -105,7 +105,7 @@ struct ServerConfig {
                                                  absl::Hours(1)};
   /// A watcher hears from its job at least this often.
   absl::Duration watch_heartbeat = absl::Seconds(10);
-  /// An upload that sends nothing for this long is dropped.
+  /// An upload that brings less than 1 KiB a second over this time is dropped.
   absl::Duration upload_idle_timeout = absl::Seconds(30);
   /// What an upload that broke off has brought is kept for this long, so that
   /// it can go on there.

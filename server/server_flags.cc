@@ -193,7 +193,8 @@ void AddOperationFlags(FlagSet& flags, ServerConfig& config) {
                     "A watcher hears from its job at least this often");
   flags.AddDuration("--upload-idle-timeout", config.upload_idle_timeout,
                     ServerConfig::kStreamTimes,
-                    "An upload that sends nothing for this long is dropped");
+                    "An upload that brings less than 1 KiB a second over this "
+                    "time is dropped");
   flags.AddDuration("--partial-upload-kept", config.partial_upload_kept,
                     ServerConfig::kPartialUploadKept,
                     "An upload that broke off can go on within this time");

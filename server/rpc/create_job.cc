@@ -67,7 +67,8 @@ grpc::ServerUnaryReactor* StartCreateJob(const ServiceContext& context,
     place = *std::move(taken);
   }
   const auto bytes = static_cast<std::int64_t>(request->ByteSizeLong());
-  auto reserved = context.requests->Reserve(std::max(bytes, kLeastBytes));
+  auto reserved = context.requests->Reserve(
+      std::max(bytes, std::min(kLeastBytes, context.requests->total_bytes())));
   if (!reserved.ok()) {
     reactor->Finish(ToGrpc(UploadQuota(bytes, kRetryUploadQuota)));
     return reactor;

@@ -3,6 +3,7 @@
 #include <atomic>
 #include <cstdint>
 #include <memory>
+#include <new>
 #include <string>
 #include <utility>
 
@@ -77,17 +78,26 @@ class UploadMeshReactor final
       if (finished_) return;
       storing_ = true;
     }
-    const absl::Status posted = WithinMemory([&] {
-      context_.disk->Post([this] { Store(); });
-      return absl::OkStatus();
+    FinishWithoutMemory([&] {
+      context_.disk->Post([this] { FinishWithoutMemory([&] { Store(); }); });
     });
-    if (!posted.ok()) FinishOnce(ToGrpc(posted));
   }
 
   void Store() {
     const absl::Status stored = WithinMemory([&] { return upload_.End(); });
     if (!stored.ok()) return FinishOnce(ToGrpc(stored));
     FinishWithAnswer();
+  }
+
+  /// Calls `act()`; finishes when there is not even memory for an answer, as
+  /// nobody else may any more.
+  template <typename Act>
+  void FinishWithoutMemory(const Act& act) {
+    try {
+      act();
+    } catch (const std::bad_alloc&) {
+      FinishOnce({grpc::StatusCode::RESOURCE_EXHAUSTED, ""});
+    }
   }
 
   void FinishWithAnswer() {

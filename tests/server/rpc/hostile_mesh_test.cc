@@ -259,6 +259,7 @@ TEST_F(HostileMeshTest, AJobBeyondTheBudgetIsRefusedWithNumbers) {
   ASSERT_TRUE(stub->GetServerInfo(&info_context, {}, &info).ok());
   EXPECT_EQ(info.limits().max_mesh_bytes(), 1 << 20);
   EXPECT_EQ(info.limits().max_request_bytes(), 1 << 19);
+  EXPECT_EQ(info.limits().max_chunk_bytes(), 1 << 18);
   // Meshes that can be read but not matched, and some that cannot be read.
   for (const auto& [levels, why] :
        {std::pair(4, "the server has 16777216"),
