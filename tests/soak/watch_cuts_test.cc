@@ -117,7 +117,9 @@ TEST(WatchCutsTest, NothingIsMissed) {
       watchers.push_back(std::make_unique<CuttingWatcher>(
           server.Connect(), job->name(),
           seed + i + 4 * static_cast<std::uint64_t>(cuts)));
-      threads.emplace_back([&, i] { watchers[i]->Watch(); });
+      // Not by way of `watchers`, which still grows.
+      threads.emplace_back(
+          [watcher = watchers.back().get()] { watcher->Watch(); });
     }
     for (std::thread& thread : threads) thread.join();
     for (const auto& watcher : watchers) {
