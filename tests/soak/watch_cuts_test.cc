@@ -101,7 +101,7 @@ class CuttingWatcher {
 TEST(WatchCutsTest, NothingIsMissed) {
   // No heartbeat: what is not told when it happens is never told.
   SoakServer server({"--watch-heartbeat", "1h"});
-  const std::uint64_t seed = PrintedSeed();
+  std::uint64_t next_seed = PrintedSeed();
   v1::CreateJobRequest request;
   *request.mutable_mesh_x() = ToDraco(BumpySphere(/*levels=*/1));
   *request.mutable_mesh_y() = request.mesh_x();
@@ -113,10 +113,9 @@ TEST(WatchCutsTest, NothingIsMissed) {
     ASSERT_TRUE(job.ok()) << job.status();
     std::vector<std::unique_ptr<CuttingWatcher>> watchers;
     std::vector<std::thread> threads;
-    for (std::uint64_t i = 0; i < 4; ++i) {
+    for (int i = 0; i < 4; ++i) {
       watchers.push_back(std::make_unique<CuttingWatcher>(
-          server.Connect(), job->name(),
-          seed + i + 4 * static_cast<std::uint64_t>(cuts)));
+          server.Connect(), job->name(), next_seed++));
       // Not by way of `watchers`, which still grows.
       threads.emplace_back(
           [watcher = watchers.back().get()] { watcher->Watch(); });
