@@ -7,6 +7,9 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/parallel.h"
+#include "core/base/sorted_buckets.h"
+#include "core/base/status_macros.h"
 #include "core/mesh/mesh_geometry.h"
 #include "core/mesh/topology.h"
 
@@ -62,26 +65,37 @@ constexpr double kSliver = 0.01;
 /// Volume, in units of area^1.5, below which its sign is rounding.
 constexpr double kFlat = 1e-6;
 
-/// A face as a set of vertices, to find repetitions.
+/// A face as a set of vertices, but its smallest, to find repetitions.
 struct FaceKey {
-  std::array<VertexIndex, 3> sorted;
+  VertexIndex middle;
+  VertexIndex largest;
   VertexIndex face;
   auto operator<=>(const FaceKey&) const = default;
 };
 
 /// Marks faces that repeat a vertex or an earlier face.
-std::vector<bool> Superfluous(const Faces& faces) {
+std::vector<bool> Superfluous(const Faces& faces, VertexIndex num_vertices) {
+  const auto sorted = [&](std::int64_t f) {
+    std::array<VertexIndex, 3> face = {faces(f, 0), faces(f, 1), faces(f, 2)};
+    std::sort(face.begin(), face.end());
+    return face;
+  };
+  const SortedBuckets<FaceKey> by_smallest(
+      faces.rows(), num_vertices, [&](std::int64_t f) { return sorted(f)[0]; },
+      [&](std::int64_t f) {
+        const auto [smallest, middle, largest] = sorted(f);
+        return FaceKey{middle, largest, static_cast<VertexIndex>(f)};
+      });
   std::vector<bool> superfluous(faces.rows(), false);
-  std::vector<FaceKey> keys(faces.rows());
-  for (VertexIndex f = 0; f < faces.rows(); ++f) {
-    keys[f] = {{faces(f, 0), faces(f, 1), faces(f, 2)}, f};
-    std::sort(keys[f].sorted.begin(), keys[f].sorted.end());
-  }
-  std::sort(keys.begin(), keys.end());
-  for (std::size_t i = 0; i < keys.size(); ++i) {
-    const auto& [a, b, c] = keys[i].sorted;
-    const bool repeats = i > 0 && keys[i].sorted == keys[i - 1].sorted;
-    superfluous[keys[i].face] = a == b || b == c || repeats;
+  for (VertexIndex v = 0; v < num_vertices; ++v) {
+    const FaceKey* before = nullptr;
+    for (const FaceKey& key : by_smallest[v]) {
+      const bool repeats = before != nullptr && before->middle == key.middle &&
+                           before->largest == key.largest;
+      superfluous[key.face] =
+          key.middle == v || key.middle == key.largest || repeats;
+      before = &key;
+    }
   }
   return superfluous;
 }
@@ -94,7 +108,8 @@ Faces WeldedFaces(const Faces& faces, const VertexMap& welded,
   for (Eigen::Index i = 0; i < kept.size(); ++i) {
     kept.data()[i] = welded[kept.data()[i]];
   }
-  const std::vector<bool> superfluous = Superfluous(kept);
+  const std::vector<bool> superfluous =
+      Superfluous(kept, static_cast<VertexIndex>(welded.size()));
   Eigen::Index count = 0;
   for (Eigen::Index f = 0; f < kept.rows(); ++f) {
     if (superfluous[f]) continue;
@@ -273,15 +288,22 @@ void WarnOfVertices(const VertexMap& welded, VertexIndex dropped_faces,
 
 }  // namespace
 
-CleanMesh Clean(const TriangleMesh& mesh) {
+absl::StatusOr<CleanMesh> Clean(const TriangleMesh& mesh,
+                                const std::stop_token& stop) {
+  ISOMATCH_RETURN_IF_ERROR(CheckNotCancelled(stop));
   CleanMesh clean;
   const VertexMap welded = WeldSeams(mesh);
+  ISOMATCH_RETURN_IF_ERROR(CheckNotCancelled(stop));
   VertexIndex dropped = 0;
   clean.mesh.faces = WeldedFaces(mesh.faces, welded, &dropped);
   Compact(mesh, welded, &clean);
+  ISOMATCH_RETURN_IF_ERROR(CheckNotCancelled(stop));
   WarnOfVertices(welded, dropped, &clean);
+  ISOMATCH_RETURN_IF_ERROR(CheckNotCancelled(stop));
   OrientOutwards(&clean);
   return clean;
 }
+
+CleanMesh Clean(const TriangleMesh& mesh) { return *Clean(mesh, {}); }
 
 }  // namespace isomatch

@@ -1,8 +1,10 @@
 #pragma once
 
+#include <stop_token>
 #include <string>
 #include <vector>
 
+#include "absl/status/statusor.h"
 #include "core/mesh/triangle_mesh.h"
 
 namespace isomatch {
@@ -26,14 +28,16 @@ struct CleanMesh {
 
 /// Returns `mesh` cleaned: boundary vertices of equal coordinates become one
 /// (triangle soups, texture seams), faces that repeat a vertex or another face
-/// go, vertices on
-/// no face go, orientation is made consistent by flood fill over manifold edges
-/// and outward by signed volume.
+/// go, vertices on no face go, orientation is made consistent by flood fill
+/// over manifold edges and outward by signed volume.
 ///
 /// Properties: (1) idempotent; (2) surface area is kept unless faces repeat;
 /// (3) does not depend on the scale of the coordinates.
 ///
-/// REQUIRES: ValidateMesh(mesh). Time O(n log n).
+/// REQUIRES: ValidateMesh(mesh). CANCELLED after `stop`. Time O(n log n).
+absl::StatusOr<CleanMesh> Clean(const TriangleMesh& mesh,
+                                const std::stop_token& stop);
+/// The same, never cancelled.
 CleanMesh Clean(const TriangleMesh& mesh);
 
 }  // namespace isomatch

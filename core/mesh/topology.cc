@@ -2,37 +2,45 @@
 
 #include <algorithm>
 #include <numeric>
-#include <tuple>
 
+#include "absl/types/span.h"
+#include "core/base/sorted_buckets.h"
 #include "core/mesh/mesh_geometry.h"
 #include "core/mesh/vertex_stars.h"
 
 namespace isomatch {
 namespace {
 
-/// One side of one face, keyed by its edge without direction.
+/// One side of one face, of the edge from some vertex to a larger one.
 struct KeyedSide {
-  VertexIndex low;
   VertexIndex high;
   std::int64_t side;
+  auto operator<=>(const KeyedSide&) const = default;
 };
 
-std::vector<KeyedSide> SidesByEdge(const Faces& faces) {
-  std::vector<KeyedSide> sides;
-  sides.reserve(3 * static_cast<std::size_t>(faces.rows()));
-  for (Eigen::Index f = 0; f < faces.rows(); ++f) {
-    for (int corner = 0; corner < 3; ++corner) {
-      const auto [low, high] =
-          std::minmax({faces(f, corner), faces(f, (corner + 1) % 3)});
-      sides.push_back({low, high, 3 * f + corner});
+/// Calls visit(sides) with the sides of each edge, by increasing side.
+template <typename Visit>
+void ForEachEdge(const Faces& faces, const Visit& visit) {
+  const auto ends = [&](std::int64_t side) {
+    return std::minmax(faces(side / 3, side % 3),
+                       faces(side / 3, (side % 3 + 1) % 3));
+  };
+  const VertexIndex num_vertices = faces.size() > 0 ? faces.maxCoeff() + 1 : 0;
+  const SortedBuckets<KeyedSide> by_low(
+      faces.size(), num_vertices,
+      [&](std::int64_t side) { return ends(side).first; },
+      [&](std::int64_t side) {
+        return KeyedSide{ends(side).second, side};
+      });
+  for (VertexIndex low = 0; low < num_vertices; ++low) {
+    absl::Span<const KeyedSide> left = by_low[low];
+    while (!left.empty()) {
+      std::size_t count = 1;
+      while (count < left.size() && left[count].high == left[0].high) ++count;
+      visit(left.first(count));
+      left.remove_prefix(count);
     }
   }
-  std::sort(sides.begin(), sides.end(),
-            [](const KeyedSide& a, const KeyedSide& b) {
-              return std::tie(a.low, a.high, a.side) <
-                     std::tie(b.low, b.high, b.side);
-            });
-  return sides;
 }
 
 /// Disjoint sets over 0..n-1; the root is the smallest member.
@@ -58,23 +66,19 @@ class DisjointSets {
 
 EdgeFaces::EdgeFaces(const Faces& faces)
     : opposite_(3 * faces.rows(), kBoundary) {
-  const std::vector<KeyedSide> sides = SidesByEdge(faces);
-  for (std::size_t begin = 0, end = 0; begin < sides.size(); begin = end) {
-    while (end < sides.size() && sides[end].low == sides[begin].low &&
-           sides[end].high == sides[begin].high) {
-      ++end;
+  ForEachEdge(faces, [&](absl::Span<const KeyedSide> sides) {
+    if (sides.size() == 2) {
+      opposite_[sides[0].side] = sides[1].side;
+      opposite_[sides[1].side] = sides[0].side;
+      return;
     }
-    if (end - begin == 1) ++boundary_edges_;
-    if (end - begin > 2) {
-      ++nonmanifold_edges_;
-      for (std::size_t i = begin; i < end; ++i) {
-        opposite_[sides[i].side] = kNonManifold;
-      }
+    if (sides.size() == 1) {
+      ++boundary_edges_;
+      return;
     }
-    if (end - begin != 2) continue;
-    opposite_[sides[begin].side] = sides[begin + 1].side;
-    opposite_[sides[begin + 1].side] = sides[begin].side;
-  }
+    ++nonmanifold_edges_;
+    for (const KeyedSide& side : sides) opposite_[side.side] = kNonManifold;
+  });
 }
 
 Components ConnectedComponents(const TriangleMesh& mesh) {

@@ -294,9 +294,11 @@ class Merger {
 
 }  // namespace
 
-MeshParts SplitIntoParts(const TriangleMesh& mesh) {
+absl::StatusOr<MeshParts> SplitIntoParts(const TriangleMesh& mesh,
+                                         const std::stop_token& stop) {
   MeshParts parts;
-  parts.clean = Clean(mesh);
+  ISOMATCH_ASSIGN_OR_RETURN(parts.clean, Clean(mesh, stop));
+  ISOMATCH_RETURN_IF_ERROR(CheckNotCancelled(stop));
   parts.components = ConnectedComponents(parts.clean.mesh);
   parts.large = LargeComponents(parts.clean.mesh, parts.components);
   parts.areas.assign(parts.large.size(), 0);

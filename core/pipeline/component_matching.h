@@ -20,7 +20,9 @@ struct MeshParts {
   std::vector<int> large;     ///< component numbers
   std::vector<double> areas;  ///< of the large ones, squared mesh units
 };
-MeshParts SplitIntoParts(const TriangleMesh& mesh);
+/// CANCELLED after `stop`.
+absl::StatusOr<MeshParts> SplitIntoParts(const TriangleMesh& mesh,
+                                         const std::stop_token& stop);
 
 /// Which large part of X (a position in MeshParts::large) goes to which of Y.
 struct PartPair {

@@ -46,20 +46,22 @@ absl::StatusOr<Correspondence> MatchParts(const TriangleMesh& mesh_x,
   // Cleaning takes its time and comes before all reports.
   if (progress) progress({Stage::kPrepare, 0, 0});
   std::array<MeshParts, 2> parts;
-  ISOMATCH_RETURN_IF_ERROR(RunBoth(
-      [&] {
-        parts[kX] = SplitIntoParts(mesh_x);
-        return CheckNotCancelled(stop);
-      },
-      [&] {
-        parts[kY] = SplitIntoParts(mesh_y);
-        return CheckNotCancelled(stop);
-      }));
+  const auto split = [&](const TriangleMesh& mesh,
+                         MeshParts* into) -> absl::Status {
+    ISOMATCH_ASSIGN_OR_RETURN(*into, SplitIntoParts(mesh, stop));
+    return absl::OkStatus();
+  };
+  ISOMATCH_RETURN_IF_ERROR(RunBoth([&] { return split(mesh_x, &parts[kX]); },
+                                   [&] { return split(mesh_y, &parts[kY]); }));
   if (options.match_components && MatchedByParts(parts[kX], parts[kY])) {
-    const auto match_one = [&](const TriangleMesh& x, const TriangleMesh& y,
-                               absl::Span<const Landmark> known,
-                               const ProgressCallback& report) {
-      return MatchClean(Clean(x), Clean(y), known, options, report, stop);
+    const auto match_one =
+        [&](const TriangleMesh& x, const TriangleMesh& y,
+            absl::Span<const Landmark> known,
+            const ProgressCallback& report) -> absl::StatusOr<Correspondence> {
+      ISOMATCH_ASSIGN_OR_RETURN(CleanMesh clean_x, Clean(x, stop));
+      ISOMATCH_ASSIGN_OR_RETURN(CleanMesh clean_y, Clean(y, stop));
+      return MatchClean(std::move(clean_x), std::move(clean_y), known, options,
+                        report, stop);
     };
     return MatchByParts(mesh_x, parts[kX], parts[kY], landmarks, match_one,
                         progress, stop);
@@ -83,12 +85,13 @@ absl::Status PrepareContents(const std::array<ShapeContents, 2>& shapes,
                              const ProgressCallback& progress,
                              const std::stop_token& stop) {
   std::array<std::optional<CleanMesh>, 2> clean;
-  const auto split = [&](int i) {
+  const auto split = [&](int i) -> absl::Status {
     if (shapes[i] == nullptr) return absl::OkStatus();
-    MeshParts parts = SplitIntoParts(shapes[i]->mesh);
+    ISOMATCH_ASSIGN_OR_RETURN(MeshParts parts,
+                              SplitIntoParts(shapes[i]->mesh, stop));
     shapes[i]->large_components = static_cast<std::int32_t>(parts.large.size());
     clean[i] = std::move(parts.clean);
-    return CheckNotCancelled(stop);
+    return absl::OkStatus();
   };
   absl::Status status = absl::InternalError("not run");
   RunWithThreads(options.threads, [&] {

@@ -292,7 +292,8 @@ absl::StatusOr<PreparedShape> ParsePreparedShapeHere(absl::string_view bytes,
     return absl::DataLossError(absl::StrCat(
         "prepared shape: ", (valid.ok() ? valid_mesh : valid).message()));
   }
-  MeshParts parts = SplitIntoParts(contents->mesh);
+  ISOMATCH_ASSIGN_OR_RETURN(MeshParts parts,
+                            SplitIntoParts(contents->mesh, stop));
   contents->large_components = static_cast<std::int32_t>(parts.large.size());
   ISOMATCH_RETURN_IF_ERROR(
       PrepareSurface(std::move(parts.clean), options, stop, &prepared));

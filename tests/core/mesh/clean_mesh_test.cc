@@ -1,6 +1,7 @@
 #include "core/mesh/clean_mesh.h"
 
 #include <cmath>
+#include <stop_token>
 #include <utility>
 
 #include <gmock/gmock.h>
@@ -8,6 +9,7 @@
 
 #include "core/mesh/mesh_geometry.h"
 #include "core/mesh/topology.h"
+#include "tests/support/matchers.h"
 #include "tests/support/shapes.h"
 
 namespace isomatch {
@@ -145,6 +147,14 @@ TEST(CleanTest, SaysThatAMoebiusStripHasNoOrientation) {
     strip.faces.row(2 * i + 1) << 2 * i + 1, next_low, next_high;
   }
   EXPECT_FALSE(Clean(strip).oriented);
+}
+
+TEST(CleanTest, EndsWhenStopped) {
+  std::stop_source stop;
+  EXPECT_THAT(Clean(FiveArms(1), stop.get_token()), IsOk());
+  stop.request_stop();
+  EXPECT_THAT(Clean(FiveArms(1), stop.get_token()),
+              StatusIs(absl::StatusCode::kCancelled, testing::_));
 }
 
 TEST(CleanTest, IsIdempotentAndDoesNotDependOnScale) {

@@ -1,9 +1,11 @@
 #include "core/mesh/topology.h"
 
+#include <algorithm>
 #include <vector>
 
 #include <gtest/gtest.h>
 
+#include "core/base/random_stream.h"
 #include "tests/support/shapes.h"
 
 namespace isomatch {
@@ -40,6 +42,36 @@ TEST(EdgeFacesTest, ThreeFacesAtAnEdgeAreNonManifold) {
   EXPECT_EQ(edges.nonmanifold_edges(), 1);
   EXPECT_EQ(edges.boundary_edges(), 6);
   EXPECT_EQ(edges.Opposite(0, 0).face, kNoVertex);
+}
+
+/// The slow way: every side against every other.
+TEST(EdgeFacesTest, AgreesWithComparingAllSidesOnARandomSoup) {
+  constexpr int kFaces = 150;
+  constexpr int kVertices = 25;  // edges of one, two and more faces
+  RandomStream random(/*seed=*/1, 0);
+  Faces soup(kFaces, 3);
+  for (Eigen::Index i = 0; i < soup.size(); ++i) {
+    soup.data()[i] = random.Below(kVertices);
+  }
+  const auto edge = [&](int side) {
+    return std::minmax(
+        {soup(side / 3, side % 3), soup(side / 3, (side % 3 + 1) % 3)});
+  };
+  const EdgeFaces edges(soup);
+  int boundary = 0;
+  for (int side = 0; side < 3 * kFaces; ++side) {
+    std::vector<int> others;
+    for (int other = 0; other < 3 * kFaces; ++other) {
+      if (other != side && edge(other) == edge(side)) others.push_back(other);
+    }
+    const auto found = edges.Opposite(side / 3, side % 3);
+    EXPECT_EQ(found.face, others.size() == 1 ? others[0] / 3 : kNoVertex);
+    EXPECT_EQ(found.corner, others.size() == 1 ? others[0] % 3 : 0);
+    EXPECT_EQ(edges.IsBoundary(side / 3, side % 3), others.empty());
+    boundary += others.empty();
+  }
+  EXPECT_EQ(edges.boundary_edges(), boundary);
+  EXPECT_GT(edges.nonmanifold_edges(), 0);
 }
 
 TEST(ConnectedComponentsTest, TellsTwoSpheresAndALoneVertexApart) {

@@ -32,6 +32,10 @@ TriangleMesh Scaled(TriangleMesh mesh, double scale) {
 }
 
 /// The component of Y that each component of X goes to.
+MeshParts Parts(const TriangleMesh& mesh) {
+  return SplitIntoParts(mesh, {}).value();
+}
+
 std::map<int, int> YFromX(const MeshParts& parts,
                           const std::vector<PartPair>& pairs) {
   std::map<int, int> y_from_x;
@@ -42,7 +46,7 @@ std::map<int, int> YFromX(const MeshParts& parts,
 }
 
 TEST(PartsTest, LargeOnesComeBySizeAndSmallOnesNotAtAll) {
-  const MeshParts parts = SplitIntoParts(Row(
+  const MeshParts parts = Parts(Row(
       {UnitSphere(2), Scaled(FiveArms(2), 1.5), Scaled(Tetrahedron(), 0.1)}));
   EXPECT_EQ(parts.large, (std::vector<int>{1, 0}));
   EXPECT_GT(parts.areas[0], parts.areas[1]);
@@ -51,8 +55,8 @@ TEST(PartsTest, LargeOnesComeBySizeAndSmallOnesNotAtAll) {
 TEST(PartsTest, ArePairedBySizeAndLength) {
   const TriangleMesh plane = PlaneGrid(10, 10, 4, 4);
   const TriangleMesh strip = PlaneGrid(40, 4, 16, 1);  // of equal area
-  const MeshParts x = SplitIntoParts(Row({plane, strip, UnitSphere(2)}));
-  const MeshParts y = SplitIntoParts(Row({UnitSphere(2), strip, plane}));
+  const MeshParts x = Parts(Row({plane, strip, UnitSphere(2)}));
+  const MeshParts y = Parts(Row({UnitSphere(2), strip, plane}));
   ASSERT_EQ(x.large.size(), 3u);
   for (const PartPair& pair : PairParts(x, y, {})) {
     EXPECT_EQ(x.large[pair.x] + y.large[pair.y], 2);  // the row is reversed
@@ -61,7 +65,7 @@ TEST(PartsTest, ArePairedBySizeAndLength) {
 
 TEST(PartsTest, EqualOnesArePairedByPlaceUnlessLandmarksSayOtherwise) {
   const MeshParts parts =
-      SplitIntoParts(Row({UnitSphere(2), UnitSphere(2), UnitSphere(2)}));
+      Parts(Row({UnitSphere(2), UnitSphere(2), UnitSphere(2)}));
   EXPECT_EQ(YFromX(parts, PairParts(parts, parts, {})),
             (std::map<int, int>{{0, 0}, {1, 1}, {2, 2}}));
   constexpr VertexIndex kEach = 162;
