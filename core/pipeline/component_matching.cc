@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/parallel.h"
 #include "core/base/status_macros.h"
 #include "core/geodesic/distance_field_solver.h"
 #include "core/geodesic/farthest_point_sampling.h"
