@@ -1,19 +1,23 @@
 #include "tests/bench/kernels.h"
 
 #include <cmath>
+#include <cstdint>
 #include <string>
+#include <vector>
 
-#include "client/sample_animal.h"
+#include "absl/strings/str_cat.h"
 #include "core/base/nearest_columns.h"
+#include "core/base/parallel.h"
 #include "core/geodesic/basis_points.h"
 #include "core/geodesic/farthest_point_sampling.h"
 #include "core/geodesic/wavefront_stencils.h"
-#include "core/mesh/clean_mesh.h"
+#include "core/matching/matching.h"
 #include "core/pipeline/match_options.h"
-#include "core/pipeline/prepared_mesh.h"
+#include "core/pipeline/matcher.h"
 #include "core/spectral/cotan_laplacian.h"
 #include "core/spectral/functional_map.h"
 #include "core/spectral/spectral_basis.h"
+#include "tests/bench/kernel_subject.h"
 #include "tests/bench/machine.h"
 
 namespace isomatch::bench {
@@ -30,16 +34,67 @@ KernelCost DistanceFields(const TriangleMesh& mesh) {
   // Each field reads every stencil once at least.
   const double bytes = double(WavefrontStencils(mesh).size()) *
                        sizeof(WavefrontStencil) * sources;
-  return {"distance fields", "vertex and source", 1e9 * seconds / units,
-          1e-9 * bytes / seconds, false};
+  return {.name = "distance fields",
+          .stages = StageName(Stage::kGeodesics),
+          .unit = "vertex and source",
+          .ns_per_unit = 1e9 * seconds / units,
+          .rate = 1e-9 * bytes / seconds,
+          .is_arithmetic = false};
+}
+
+/// Competing maps grow side by side, one a task.
+constexpr int kGrowingMaps = 64;
+
+KernelCost InsertionCandidates(const KernelSubject& subject, int matches) {
+  const Matching matching = SelfMatching(subject, matches);
+  std::vector<std::vector<float>> errors(kGrowingMaps);
+  const double seconds = BestSeconds([&] {
+    ParallelFor(kGrowingMaps, {}, [&](std::int64_t map) {
+      for (int point = matches; point < subject.pool.size(); ++point) {
+        matching.EmbeddingErrors(kX, point, &errors[map]);
+      }
+    }).IgnoreError();
+  });
+  const double units = double(kGrowingMaps) * (subject.pool.size() - matches) *
+                       subject.pool.size();
+  // Of each match: a difference, its absolute value and a sum.
+  const double flops = 3.0 * matches * units;
+  return {.name = "candidates, " + std::to_string(matches) + " matches",
+          .stages = StageName(Stage::kFirstInsertion),
+          .unit = "candidate",
+          .ns_per_unit = 1e9 * seconds / units,
+          .rate = 1e-9 * flops / seconds,
+          .is_arithmetic = true};
+}
+
+KernelCost SwapProposals(const KernelSubject& subject, int matches) {
+  const Matching matching = SelfMatching(subject, matches);
+  constexpr int kRounds = 20;
+  std::vector<double> changes(kGrowingMaps);  // so that none is left out
+  const double seconds = BestSeconds([&] {
+    ParallelFor(kGrowingMaps, {}, [&](std::int64_t map) {
+      for (int round = 0; round < kRounds; ++round) {
+        for (int i = 0; i < matches; ++i) {
+          changes[map] += matching.SwapChange(i, (i + 1 + round) % matches);
+        }
+      }
+    }).IgnoreError();
+  });
+  const double units = double(kGrowingMaps) * kRounds * matches;
+  // Of each match: four differences, their absolute values, four sums.
+  const double flops = 12.0 * matches * units;
+  return {.name = "swap proposals, " + std::to_string(matches) + " matches",
+          .stages = StageName(Stage::kFirstInsertion),
+          .unit = "proposal",
+          .ns_per_unit = 1e9 * seconds / units,
+          .rate = 1e-9 * flops / seconds,
+          .is_arithmetic = true};
 }
 
 /// Among the vertices of a mesh in spectral space, as if all pairs were
 /// compared, from queries that are off by a fifth.
-KernelCost Nearest(const TriangleMesh& mesh, int rows) {
-  const auto basis = ComputeSpectralBasis(BuildCotanLaplacian(mesh), rows, {});
-  if (!basis.ok()) return {};
-  const PointColumns points = FunctionColumns(*basis, rows);
+KernelCost Nearest(const SpectralBasis& basis, int rows) {
+  const PointColumns points = FunctionColumns(basis, rows);
   const float fifth =
       0.2f * points.norm() / std::sqrt(static_cast<float>(points.size()));
   constexpr float kUniformDeviation = 0.577f;  // of numbers in [-1, 1]
@@ -48,10 +103,15 @@ KernelCost Nearest(const TriangleMesh& mesh, int rows) {
                    PointColumns::Random(points.rows(), points.cols());
   const double seconds = BestSeconds(
       [&] { NearestColumns(queries, points, {}).status().IgnoreError(); });
-  const double pairs = std::pow(double(mesh.num_vertices()), 2);
-  return {"nearest neighbours, " + std::to_string(rows) + " dimensions",
-          "pair of vertices", 1e9 * seconds / pairs,
-          1e-9 * 2 * double(rows) * pairs / seconds, true};
+  const double pairs = std::pow(double(points.cols()), 2);
+  return {.name = "nearest neighbours, " + std::to_string(rows) + " dimensions",
+          .stages = absl::StrCat(StageName(Stage::kZoomOut), ", ",
+                                 StageName(Stage::kChoice), ", ",
+                                 StageName(Stage::kAlignment)),
+          .unit = "candidate",
+          .ns_per_unit = 1e9 * seconds / pairs,
+          .rate = 1e-9 * 2 * double(rows) * pairs / seconds,
+          .is_arithmetic = true};
 }
 
 KernelCost Eigenpairs(const TriangleMesh& mesh, int count) {
@@ -63,22 +123,26 @@ KernelCost Eigenpairs(const TriangleMesh& mesh, int count) {
   // it, there and back.
   const double n = mesh.num_vertices();
   const double subspace = LanczosSubspace(count);
-  return {"eigenpairs", "vertex and pair", 1e9 * seconds / (n * count),
-          1e-9 * 2 * n * subspace * subspace / seconds, true};
+  return {.name = "eigenpairs",
+          .stages = StageName(Stage::kSpectral),
+          .unit = "vertex and pair",
+          .ns_per_unit = 1e9 * seconds / (n * count),
+          .rate = 1e-9 * 2 * n * subspace * subspace / seconds,
+          .is_arithmetic = true};
 }
 
 }  // namespace
 
 std::vector<KernelCost> MeasureKernels() {
   const MatchOptions options;
-  const auto sample = MakeSample({.vertices = options.solved_vertices});
-  if (!sample.ok()) return {};
-  // In the order that the method works in.
-  const auto working = MakeWorkingMesh(Clean(sample->mesh), {});
-  if (!working.ok()) return {};
-  return {DistanceFields(working->mesh),
-          Nearest(working->mesh, options.alignment_basis),
-          Eigenpairs(working->mesh, options.alignment_basis)};
+  const KernelSubject& subject = TheKernelSubject();
+  return {DistanceFields(subject.mesh),
+          Eigenpairs(subject.mesh, options.alignment_basis),
+          InsertionCandidates(subject, options.selection_rounds[0].matches),
+          InsertionCandidates(subject, options.first_stage_matches),
+          SwapProposals(subject, options.selection_rounds[0].matches),
+          SwapProposals(subject, options.first_stage_matches),
+          Nearest(subject.spectral, options.alignment_basis)};
 }
 
 }  // namespace isomatch::bench

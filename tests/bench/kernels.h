@@ -8,14 +8,16 @@ namespace isomatch::bench {
 /// What one inner loop costs, alone on all cores.
 struct KernelCost {
   std::string name;
+  std::string stages;      ///< of which it is the inner loop
   std::string unit;        ///< of work
   double ns_per_unit = 0;  ///< wall, all cores
   double rate = 0;         ///< GFLOP/s, or GB/s of what must be read
   bool is_arithmetic = true;
 };
 
-/// Distance fields, nearest columns and eigenpairs, on as many vertices as the
-/// default profile solves on.
+/// Distance fields, eigenpairs, candidates and swap proposals of the first
+/// insertion and nearest columns, on as many vertices as the default profile
+/// solves on.
 std::vector<KernelCost> MeasureKernels();
 
 }  // namespace isomatch::bench

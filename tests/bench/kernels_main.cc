@@ -6,70 +6,26 @@
 
 #include <benchmark/benchmark.h>
 
-#include "client/sample_animal.h"
 #include "core/base/nearest_columns.h"
 #include "core/geodesic/basis_points.h"
 #include "core/geodesic/farthest_point_sampling.h"
 #include "core/matching/closeness.h"
-#include "core/matching/matching.h"
-#include "core/mesh/clean_mesh.h"
 #include "core/pipeline/match_options.h"
-#include "core/pipeline/prepared_mesh.h"
 #include "core/spectral/cotan_laplacian.h"
 #include "core/spectral/functional_map.h"
 #include "core/spectral/spectral_basis.h"
+#include "tests/bench/kernel_subject.h"
 
 namespace isomatch::bench {
 namespace {
 
 const MatchOptions kOptions;
 
-/// The sample animal with all that kernels need; made once.
-struct Subject {
-  TriangleMesh mesh;
-  std::vector<VertexIndex> farthest;
-  BasisPoints basis;
-  PointPool pool;
-  SpectralBasis spectral;
-};
-
-TriangleMesh WorkingSample() {
-  const auto sample = MakeSample({.vertices = kOptions.solved_vertices});
-  // In the order that the method works in.
-  return MakeWorkingMesh(Clean(sample->mesh), {})->mesh;
-}
-
-const Subject& TheSubject() {
-  static const Subject& subject = *[] {
-    auto* made = new Subject;
-    made->mesh = WorkingSample();
-    const DistanceFieldSolver solver(made->mesh);
-    made->farthest = *FarthestPoints(solver, kOptions.pool_size, {});
-    const int count = BasisPoints::DefaultCount(made->mesh.num_vertices());
-    made->basis = *BasisPoints::Create(
-        solver, {made->farthest.begin(), made->farthest.begin() + count}, {},
-        {});
-    static const Closeness closeness(made->basis, kOptions.kernel_width);
-    made->pool = *PointPool::Create(closeness, made->farthest, {});
-    made->spectral = *ComputeSpectralBasis(BuildCotanLaplacian(made->mesh),
-                                           kOptions.alignment_basis, {});
-    return made;
-  }();
-  return subject;
-}
-
-/// `count` points of the pool matched with themselves.
-Matching SelfMatching(const Subject& subject, int count) {
-  Matching matching(subject.pool, subject.pool, count);
-  for (int p = 0; p < count; ++p) matching.Add({p, p});
-  return matching;
-}
-
 // Items are what a kernel's cost grows with; the figure to look at is items a
 // second.
 
 void DistanceField(benchmark::State& state) {
-  const Subject& subject = TheSubject();
+  const KernelSubject& subject = TheKernelSubject();
   const DistanceFieldSolver solver(subject.mesh);
   DistanceFieldSolver::Workspace workspace;
   std::vector<float> field(solver.num_vertices());
@@ -83,7 +39,7 @@ void DistanceField(benchmark::State& state) {
 BENCHMARK(DistanceField);
 
 void FarthestPointSampling(benchmark::State& state) {
-  const DistanceFieldSolver solver(TheSubject().mesh);
+  const DistanceFieldSolver solver(TheKernelSubject().mesh);
   const auto count = static_cast<int>(state.range(0));
   for (auto unused : state) {
     benchmark::DoNotOptimize(FarthestPoints(solver, count, {}));
@@ -93,7 +49,7 @@ void FarthestPointSampling(benchmark::State& state) {
 BENCHMARK(FarthestPointSampling)->Arg(64)->Arg(1000)->UseRealTime();
 
 void ClosenessRow(benchmark::State& state) {
-  const Subject& subject = TheSubject();
+  const KernelSubject& subject = TheKernelSubject();
   const Closeness closeness(subject.basis, kOptions.kernel_width);
   std::vector<float> row(subject.farthest.size());
   for (auto unused : state) {
@@ -106,7 +62,7 @@ void ClosenessRow(benchmark::State& state) {
 BENCHMARK(ClosenessRow);
 
 void EmbeddingErrorsOfAllPoints(benchmark::State& state) {
-  const Subject& subject = TheSubject();
+  const KernelSubject& subject = TheKernelSubject();
   const auto matches = static_cast<int>(state.range(0));
   const Matching matching = SelfMatching(subject, matches);
   std::vector<float> errors;
@@ -120,7 +76,7 @@ BENCHMARK(EmbeddingErrorsOfAllPoints)->Arg(12)->Arg(120);
 
 void SwapChange(benchmark::State& state) {
   const auto matches = static_cast<int>(state.range(0));
-  const Matching matching = SelfMatching(TheSubject(), matches);
+  const Matching matching = SelfMatching(TheKernelSubject(), matches);
   int i = 0;
   for (auto unused : state) {
     benchmark::DoNotOptimize(matching.SwapChange(i, matches - 1));
@@ -131,7 +87,7 @@ void SwapChange(benchmark::State& state) {
 BENCHMARK(SwapChange)->Arg(12)->Arg(120);
 
 void NearestOfAllVertices(benchmark::State& state) {
-  const Subject& subject = TheSubject();
+  const KernelSubject& subject = TheKernelSubject();
   const PointColumns points =
       FunctionColumns(subject.spectral, kOptions.alignment_basis);
   // Off by about a fifth, as maps are before they are refined.
@@ -147,7 +103,7 @@ void NearestOfAllVertices(benchmark::State& state) {
 BENCHMARK(NearestOfAllVertices)->UseRealTime();
 
 void FunctionalMapOfADenseMap(benchmark::State& state) {
-  const Subject& subject = TheSubject();
+  const KernelSubject& subject = TheKernelSubject();
   const PointColumns functions =
       FunctionColumns(subject.spectral, kOptions.alignment_basis);
   VertexMap identity(subject.mesh.num_vertices());
@@ -161,7 +117,7 @@ void FunctionalMapOfADenseMap(benchmark::State& state) {
 BENCHMARK(FunctionalMapOfADenseMap)->UseRealTime();
 
 void Eigenpairs(benchmark::State& state) {
-  const CotanLaplacian laplacian = BuildCotanLaplacian(TheSubject().mesh);
+  const CotanLaplacian laplacian = BuildCotanLaplacian(TheKernelSubject().mesh);
   const auto count = static_cast<int>(state.range(0));
   for (auto unused : state) {
     benchmark::DoNotOptimize(ComputeSpectralBasis(laplacian, count, {}));

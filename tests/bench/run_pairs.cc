@@ -72,7 +72,7 @@ absl::StatusOr<PairResult> RunPair(const MeshPair& pair, int true_landmarks,
   return result;
 }
 
-absl::StatusOr<TriangleMesh> AsSent(const TriangleMesh& mesh) {
+absl::StatusOr<TriangleMesh> ThroughDraco(const TriangleMesh& mesh) {
   ISOMATCH_ASSIGN_OR_RETURN(const EncodedMesh encoded, EncodeDraco(mesh));
   return DecodeDraco(encoded.bytes, encoded.vertex_order, mesh.num_vertices());
 }
@@ -98,8 +98,8 @@ absl::StatusOr<std::vector<PairResult>> RunPairs(
     ISOMATCH_ASSIGN_OR_RETURN(MeshPair pair,
                               ReadPair(pairs.dir, name_x, name_y));
     if (pairs.as_sent) {
-      ISOMATCH_ASSIGN_OR_RETURN(pair.mesh_x, AsSent(pair.mesh_x));
-      ISOMATCH_ASSIGN_OR_RETURN(pair.mesh_y, AsSent(pair.mesh_y));
+      ISOMATCH_ASSIGN_OR_RETURN(pair.mesh_x, ThroughDraco(pair.mesh_x));
+      ISOMATCH_ASSIGN_OR_RETURN(pair.mesh_y, ThroughDraco(pair.mesh_y));
     }
     ISOMATCH_ASSIGN_OR_RETURN(PairResult result,
                               RunPair(pair, pairs.true_landmarks, with_stages));

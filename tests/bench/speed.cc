@@ -169,7 +169,11 @@ absl::StatusOr<MeshPair> SamplePair(int vertices) {
       "sample A", "sample B", x.mesh, y.mesh, {SampleTruth(x, y), {}}};
 }
 
-/// Vertices that a stage works on, times sources for the distance fields.
+/// What a stage's cost is divided by.
+const char* UnitOf(Stage stage) {
+  return stage == Stage::kGeodesics ? "vertex solved on and source" : "vertex";
+}
+
 double UnitsOf(Stage stage, const PairCost& cost, const MatchOptions& options) {
   if (stage != Stage::kGeodesics) return 2.0 * cost.vertices;
   const int solved = IsDecimated(cost.vertices, options)
@@ -190,11 +194,10 @@ void PrintPair(const PairCost& cost, const MatchOptions& options) {
   std::printf("  %-18s %9s %9s %12s  %s\n", "stage", "wall s", "cpu s",
               "peak so far", "ns a unit of work");
   for (const auto& [stage, figures] : cost.run.stages) {
-    std::printf(
-        "  %-18s %9.3f %9.3f %9.0f MB  %.0f a vertex%s\n", StageName(stage),
-        figures.wall, figures.cpu, figures.peak_bytes / kMegabyte,
-        1e9 * figures.cpu / UnitsOf(stage, cost, options),
-        stage == Stage::kGeodesics ? " and source (of those solved on)" : "");
+    std::printf("  %-18s %9.3f %9.3f %9.0f MB  %.0f a %s\n", StageName(stage),
+                figures.wall, figures.cpu, figures.peak_bytes / kMegabyte,
+                1e9 * figures.cpu / UnitsOf(stage, cost, options),
+                UnitOf(stage));
   }
   std::fflush(stdout);
 }
@@ -218,12 +221,15 @@ double Exponent(const std::vector<PairCost>& costs,
   return spread > 0 ? (n * sxy - sx * sy) / spread : 0;
 }
 
-nlohmann::json ToJson(const PairCost& cost) {
+nlohmann::json ToJson(const PairCost& cost, const MatchOptions& options) {
   nlohmann::json stages;
   for (const auto& [stage, figures] : cost.run.stages) {
-    stages[StageName(stage)] = {{"wall_seconds", figures.wall},
-                                {"cpu_seconds", figures.cpu},
-                                {"peak_bytes_so_far", figures.peak_bytes}};
+    stages[StageName(stage)] = {
+        {"wall_seconds", figures.wall},
+        {"cpu_seconds", figures.cpu},
+        {"peak_bytes_so_far", figures.peak_bytes},
+        {"unit", UnitOf(stage)},
+        {"cpu_ns_per_unit", 1e9 * figures.cpu / UnitsOf(stage, cost, options)}};
   }
   return {{"pair", cost.name},
           {"vertices", cost.vertices},
@@ -246,11 +252,12 @@ nlohmann::json PrintKernels() {
     const double limit =
         kernel.is_arithmetic ? machine.gflop_per_s : machine.read_gb_per_s;
     std::printf(
-        "  %-34s %8.2f ns a %-20s %6.1f %s, %3.0f %% of the machine's\n",
+        "  %-34s %8.2f ns a %-18s %6.1f %-7s %3.0f %% of the machine's  (%s)\n",
         kernel.name.c_str(), kernel.ns_per_unit, kernel.unit.c_str(),
         kernel.rate, kernel.is_arithmetic ? "GFLOP/s" : "GB/s",
-        100 * kernel.rate / limit);
+        100 * kernel.rate / limit, kernel.stages.c_str());
     kernels.push_back({{"kernel", kernel.name},
+                       {"stages", kernel.stages},
                        {"unit", kernel.unit},
                        {"ns_per_unit", kernel.ns_per_unit},
                        {"rate", kernel.rate},
@@ -314,7 +321,9 @@ absl::Status RunSpeed(const SpeedSelection& selection,
                            {"time_exponent", time},
                            {"memory_exponent", memory},
                            {"kernels", PrintKernels()}};
-  for (const PairCost& cost : costs) report["pairs"].push_back(ToJson(cost));
+  for (const PairCost& cost : costs) {
+    report["pairs"].push_back(ToJson(cost, options));
+  }
   if (out_path.empty()) return absl::OkStatus();
   return WriteFileAtomically(out_path, report.dump(2) + "\n");
 }
