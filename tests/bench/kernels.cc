@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstdint>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -22,6 +23,17 @@
 
 namespace isomatch::bench {
 namespace {
+
+/// The cost of an arithmetic kernel that does so much work in `seconds`.
+KernelCost Arithmetic(std::string name, std::string stages, std::string unit,
+                      double seconds, double units, double flops) {
+  return {.name = std::move(name),
+          .stages = std::move(stages),
+          .unit = std::move(unit),
+          .ns_per_unit = 1e9 * seconds / units,
+          .rate = 1e-9 * flops / seconds,
+          .is_arithmetic = true};
+}
 
 KernelCost DistanceFields(const TriangleMesh& mesh) {
   const DistanceFieldSolver solver(mesh);
@@ -59,12 +71,9 @@ KernelCost InsertionCandidates(const KernelSubject& subject, int matches) {
                        subject.pool.size();
   // Of each match: a difference, its absolute value and a sum.
   const double flops = 3.0 * matches * units;
-  return {.name = "candidates, " + std::to_string(matches) + " matches",
-          .stages = StageName(Stage::kFirstInsertion),
-          .unit = "candidate",
-          .ns_per_unit = 1e9 * seconds / units,
-          .rate = 1e-9 * flops / seconds,
-          .is_arithmetic = true};
+  return Arithmetic("candidates, " + std::to_string(matches) + " matches",
+                    StageName(Stage::kFirstInsertion), "candidate", seconds,
+                    units, flops);
 }
 
 KernelCost SwapProposals(const KernelSubject& subject, int matches) {
@@ -83,12 +92,9 @@ KernelCost SwapProposals(const KernelSubject& subject, int matches) {
   const double units = double(kGrowingMaps) * kRounds * matches;
   // Of each match: four differences, their absolute values, four sums.
   const double flops = 12.0 * matches * units;
-  return {.name = "swap proposals, " + std::to_string(matches) + " matches",
-          .stages = StageName(Stage::kFirstInsertion),
-          .unit = "proposal",
-          .ns_per_unit = 1e9 * seconds / units,
-          .rate = 1e-9 * flops / seconds,
-          .is_arithmetic = true};
+  return Arithmetic("swap proposals, " + std::to_string(matches) + " matches",
+                    StageName(Stage::kFirstInsertion), "proposal", seconds,
+                    units, flops);
 }
 
 /// Among the vertices of a mesh in spectral space, as if all pairs were
@@ -104,14 +110,11 @@ KernelCost Nearest(const SpectralBasis& basis, int rows) {
   const double seconds = BestSeconds(
       [&] { NearestColumns(queries, points, {}).status().IgnoreError(); });
   const double pairs = std::pow(double(points.cols()), 2);
-  return {.name = "nearest neighbours, " + std::to_string(rows) + " dimensions",
-          .stages = absl::StrCat(StageName(Stage::kZoomOut), ", ",
-                                 StageName(Stage::kChoice), ", ",
-                                 StageName(Stage::kAlignment)),
-          .unit = "candidate",
-          .ns_per_unit = 1e9 * seconds / pairs,
-          .rate = 1e-9 * 2 * double(rows) * pairs / seconds,
-          .is_arithmetic = true};
+  return Arithmetic(
+      "nearest neighbours, " + std::to_string(rows) + " dimensions",
+      absl::StrCat(StageName(Stage::kZoomOut), ", ", StageName(Stage::kChoice),
+                   ", ", StageName(Stage::kAlignment)),
+      "candidate", seconds, pairs, 2 * double(rows) * pairs);
 }
 
 KernelCost Eigenpairs(const TriangleMesh& mesh, int count) {
@@ -123,12 +126,9 @@ KernelCost Eigenpairs(const TriangleMesh& mesh, int count) {
   // it, there and back.
   const double n = mesh.num_vertices();
   const double subspace = LanczosSubspace(count);
-  return {.name = "eigenpairs",
-          .stages = StageName(Stage::kSpectral),
-          .unit = "vertex and pair",
-          .ns_per_unit = 1e9 * seconds / (n * count),
-          .rate = 1e-9 * 2 * n * subspace * subspace / seconds,
-          .is_arithmetic = true};
+  return Arithmetic("eigenpairs", StageName(Stage::kSpectral),
+                    "vertex and pair", seconds, n * count,
+                    2 * n * subspace * subspace);
 }
 
 }  // namespace

@@ -174,6 +174,7 @@ const char* UnitOf(Stage stage) {
   return stage == Stage::kGeodesics ? "vertex solved on and source" : "vertex";
 }
 
+/// How many of them a pair has.
 double UnitsOf(Stage stage, const PairCost& cost, const MatchOptions& options) {
   if (stage != Stage::kGeodesics) return 2.0 * cost.vertices;
   const int solved = IsDecimated(cost.vertices, options)
