@@ -3,9 +3,11 @@
 
 #include <sys/resource.h>
 
+#include <algorithm>
 #include <cstdint>
 #include <random>
 #include <string>
+#include <utility>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -39,6 +41,20 @@ absl::Status Decode(const std::string& bytes,
 
 auto Refused(const std::string& why) {
   return StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr(why));
+}
+
+// A sequential stream of faces whose corners are all `corner`, up to where
+// attributes are declared.
+std::string Uncompressed(std::uint32_t faces, std::uint32_t points,
+                         const std::string& corner) {
+  std::string bytes = DracoHeader(kDracoSequential) + DracoVarint(faces) +
+                      DracoVarint(points) + '\1';
+  for (std::uint32_t i = 0; i < 3 * faces; ++i) bytes += corner;
+  return bytes;
+}
+
+std::string WideAttribute() {
+  return DracoAttribute(0, /*DT_FLOAT64*/ 10, '\xff');
 }
 
 TEST(HostileDracoTest, NotDracoAtAll) {
@@ -88,13 +104,59 @@ TEST(HostileDracoTest, SequentialClaimingManyFacesOrPoints) {
 
 TEST(HostileDracoTest, WideAttribute) {
   // A megabyte of faces, each point with 255 float64: 2 GB.
-  constexpr int kFaces = 340'000;
-  std::string stream = DracoHeader(kDracoSequential) + DracoVarint(kFaces) +
-                       DracoVarint(3 * kFaces) + '\1';
-  stream += std::string(kFaces * 3, '\0');  // varints
-  stream += DracoAttribute(0, /*DT_FLOAT64*/ 10, '\xff');
-  EXPECT_THAT(Decode(stream), Refused("bytes of attributes, expected"));
+  EXPECT_THAT(Decode(Uncompressed(340'000, 1'020'000, std::string(1, '\0')) +
+                     WideAttribute()),
+              Refused("bytes of attributes, expected"));
 }
+
+// Points, and the bytes of a corner for a mesh of so many.
+class CornerWidthTest
+    : public testing::TestWithParam<std::pair<std::uint32_t, std::string>> {
+ protected:
+  const std::uint32_t points_ = GetParam().first;
+  // As few faces as Draco allows for so many points.
+  const std::string stream_ =
+      Uncompressed(points_ / 3 + 1, points_, GetParam().second);
+};
+
+TEST_P(CornerWidthTest, WideAttributesAreRefusedBeforeFacesAreRead) {
+  DracoLimits limits;
+  limits.reserve = [](std::int64_t) -> absl::Status {
+    return absl::InternalError("no longer ahead of the faces");
+  };
+  // Two that are too wide only together.
+  const std::int64_t most = std::min<std::int64_t>(
+      limits.max_attribute_bytes,
+      1024 * static_cast<std::int64_t>(stream_.size() + 200));
+  const std::int64_t components = most / points_ / 16 + 1;
+  ASSERT_LE(components, 255);
+  const std::string half =
+      DracoAttribute(4, /*DT_FLOAT64*/ 10, static_cast<char>(components))
+          .substr(1);
+  EXPECT_THAT(DecodeDraco(stream_ + '\2' + half + half, VertexOrder::kDecoded,
+                          0, limits),
+              Refused("bytes of attributes, expected"));
+}
+
+TEST_P(CornerWidthTest, SoundAttributesAreNot) {
+  const std::string positions = DracoAttribute(0, /*DT_FLOAT32*/ 9, 3) +
+                                std::string(std::size_t{12} * points_, '\0');
+  const auto mesh =
+      DecodeDraco(stream_ + positions, VertexOrder::kDecoded, points_);
+  EXPECT_THAT(mesh, IsOk());
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    All, CornerWidthTest,
+    testing::Values(std::pair(200, std::string(1, '\0')),
+                    std::pair(60'000, std::string(2, '\0')),
+                    std::pair(70'000, std::string(1, '\0')),
+                    // 0 as a varint of more bytes than it needs.
+                    std::pair(2'000'000, std::string("\x80\x80\0", 3)),
+                    std::pair(2'100'000, std::string(4, '\0'))),
+    [](const auto& param) {
+      return testing::PrintToString(param.param.first) + "Points";
+    });
 
 TEST(HostileDracoTest, FaceIndexOutOfRange) {
   const std::string values(3 * 12, '\0');
