@@ -1,5 +1,8 @@
 #pragma once
 
+#include <stop_token>
+
+#include "absl/status/statusor.h"
 #include "core/mesh/triangle_mesh.h"
 
 namespace isomatch {
@@ -17,8 +20,17 @@ struct CoarseMesh {
 /// non-manifold edges or many small components forbid it. Vertices stay where
 /// they are. The result may need cleaning.
 ///
-/// REQUIRES: `mesh` is clean, of at most 10^9 vertices. Time O(n log n), memory
-/// about 250 bytes a vertex.
+/// Meshes of more than 131,072 faces are decimated patch by patch at first,
+/// each of faces that follow each other, which is quicker where these lie near
+/// each other.
+///
+/// REQUIRES: `mesh` is clean, of at most 10^9 vertices. CANCELLED after `stop`.
+/// Deterministic at any thread count. Time O(n log n), memory about 250 bytes a
+/// vertex.
+absl::StatusOr<CoarseMesh> Decimate(const TriangleMesh& mesh,
+                                    VertexIndex target,
+                                    const std::stop_token& stop);
+/// The same, never cancelled.
 CoarseMesh Decimate(const TriangleMesh& mesh, VertexIndex target);
 
 }  // namespace isomatch

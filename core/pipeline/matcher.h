@@ -168,11 +168,11 @@ struct Correspondence {
 ///
 /// INVALID_ARGUMENT: a mesh, landmark or option is wrong; the message names
 /// field, value and what was expected. CANCELLED: `stop` was requested; the
-/// call returns within a quarter of a second, but for cleaning and decimating
-/// meshes of several 100,000 vertices, and their sparse factorisation without
-/// decimation, which are not interrupted. RESOURCE_EXHAUSTED: a mesh cannot be
-/// decimated and needs more than options.memory_limit_bytes. INTERNAL: a
-/// numerical step failed.
+/// call returns within a quarter of a second, but for meshes of a million
+/// vertices, which are cleaned in few steps, and the sparse factorisation of
+/// large ones without decimation, which is not interrupted. RESOURCE_EXHAUSTED:
+/// a mesh cannot be decimated and needs more than options.memory_limit_bytes.
+/// INTERNAL: a numerical step failed.
 ///
 /// Time and memory O(n) beyond MatchOptions::solved_vertices. Without that time
 /// O(n log n sqrt(n)) up to the nearest neighbours, memory O(n sqrt(n)).

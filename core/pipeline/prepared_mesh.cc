@@ -185,8 +185,8 @@ void OrientAs(const WorkingMesh& full, CoarseLevel* coarse) {
 absl::StatusOr<CoarseLevel> MakeCoarse(const WorkingMesh& full,
                                        VertexIndex vertices,
                                        const std::stop_token& stop) {
-  const CoarseMesh decimated = Decimate(full.mesh, vertices);
-  ISOMATCH_RETURN_IF_ERROR(CheckNotCancelled(stop));
+  ISOMATCH_ASSIGN_OR_RETURN(const CoarseMesh decimated,
+                            Decimate(full.mesh, vertices, stop));
   CoarseLevel coarse;
   ISOMATCH_ASSIGN_OR_RETURN(coarse.working,
                             MakeWorkingMesh(Clean(decimated.mesh), stop));

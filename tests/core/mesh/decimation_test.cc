@@ -2,17 +2,34 @@
 
 #include <algorithm>
 #include <set>
+#include <stop_token>
+#include <utility>
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "core/base/parallel.h"
 #include "core/mesh/clean_mesh.h"
 #include "core/mesh/mesh_geometry.h"
 #include "core/mesh/topology.h"
 #include "tests/support/dirty_meshes.h"
+#include "tests/support/matchers.h"
 #include "tests/support/shapes.h"
 
 namespace isomatch {
 namespace {
+
+VertexIndex EulerCharacteristic(const TriangleMesh& mesh) {
+  std::set<std::pair<VertexIndex, VertexIndex>> edges;
+  for (VertexIndex f = 0; f < mesh.num_faces(); ++f) {
+    for (int corner = 0; corner < 3; ++corner) {
+      edges.insert(std::minmax(VertexIndex{mesh.faces(f, corner)},
+                               VertexIndex{mesh.faces(f, (corner + 1) % 3)}));
+    }
+  }
+  return mesh.num_vertices() - static_cast<VertexIndex>(edges.size()) +
+         mesh.num_faces();
+}
 
 TEST(DecimateTest, KeepsSomeVerticesWhereTheyAre) {
   const TriangleMesh fine = FiveArms(4);
@@ -36,16 +53,7 @@ TEST(DecimateTest, KeepsTheShape) {
   const CleanMesh clean = Clean(coarse);
   EXPECT_TRUE(clean.warnings.empty());
   EXPECT_EQ(ConnectedComponents(clean.mesh).count, 1);
-  std::set<std::pair<VertexIndex, VertexIndex>> edges;
-  for (VertexIndex f = 0; f < coarse.num_faces(); ++f) {
-    for (int corner = 0; corner < 3; ++corner) {
-      edges.insert(std::minmax(VertexIndex{coarse.faces(f, corner)},
-                               VertexIndex{coarse.faces(f, (corner + 1) % 3)}));
-    }
-  }
-  EXPECT_EQ(coarse.num_vertices() - static_cast<int>(edges.size()) +
-                coarse.num_faces(),
-            2);
+  EXPECT_EQ(EulerCharacteristic(coarse), 2);
 }
 
 TEST(DecimateTest, DoesNotDependOnUnitAndPlace) {
@@ -75,6 +83,49 @@ TEST(DecimateTest, CoincidingShellsAreDecimatedAsWell) {
   two.faces.resize(2 * one.num_faces(), 3);
   two.faces << one.faces, one.faces.array() + VertexIndex{one.num_vertices()};
   EXPECT_NEAR(Decimate(two, 800).mesh.num_vertices(), 800, 40);
+}
+
+// Large enough to be decimated patch by patch.
+class DecimateLargeTest : public testing::Test {
+ protected:
+  const TriangleMesh sphere_ = UnitSphere(7);
+};
+
+TEST_F(DecimateLargeTest, LeavesNoTraceOfPatches) {
+  const TriangleMesh coarse = Decimate(sphere_, 2000).mesh;
+  EXPECT_NEAR(coarse.num_vertices(), 2000, 40);
+  EXPECT_EQ(EulerCharacteristic(coarse), 2);
+  // Where a border was kept, faces would be as small as the sphere's.
+  const double mean = SurfaceArea(coarse) / coarse.num_faces();
+  int small = 0;
+  for (VertexIndex f = 0; f < coarse.num_faces(); ++f) {
+    small += FaceArea(coarse, f) < mean / 8 ? 1 : 0;
+    EXPECT_LT(FaceArea(coarse, f), mean * 8);
+  }
+  EXPECT_LT(small, coarse.num_faces() / 40);
+  // A chord of a sphere cut into so many faces is so much shorter at most.
+  EXPECT_NEAR(SurfaceArea(coarse), SurfaceArea(sphere_),
+              0.003 * SurfaceArea(sphere_));
+}
+
+TEST_F(DecimateLargeTest, IsTheSameAtAnyThreadCount) {
+  CoarseMesh one;
+  RunWithThreads(1, [&] { one = Decimate(sphere_, 1000); });
+  CoarseMesh four;
+  RunWithThreads(4, [&] { four = Decimate(sphere_, 1000); });
+  EXPECT_EQ(one.fine_from_coarse, four.fine_from_coarse);
+  EXPECT_EQ(one.mesh.faces, four.mesh.faces);
+}
+
+TEST_F(DecimateLargeTest, LeavesAsManyAsAreAskedFor) {
+  EXPECT_NEAR(Decimate(sphere_, 120'000).mesh.num_vertices(), 120'000, 2'400);
+}
+
+TEST_F(DecimateLargeTest, IsCancelled) {
+  std::stop_source stop;
+  stop.request_stop();
+  EXPECT_THAT(Decimate(sphere_, 4000, stop.get_token()),
+              StatusIs(absl::StatusCode::kCancelled, testing::_));
 }
 
 }  // namespace
