@@ -11,6 +11,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "client/sample_animal.h"
 #include "server/storage/sha256.h"
 #include "tests/server/test_server.h"
 #include "tests/soak/figures.h"
@@ -43,6 +44,23 @@ std::string Occupy(Stub& stub) {
   return job->name();
 }
 
+void Upload(Stub& stub, const std::string& bytes) {
+  CallContext context;
+  v1::UploadMeshResponse response;
+  const auto writer = stub.UploadMesh(&context, &response);
+  v1::UploadMeshRequest message;
+  message.mutable_header()->set_sha256(Sha256Hex(bytes));
+  message.mutable_header()->set_size_bytes(bytes.size());
+  writer->Write(message);
+  for (std::size_t sent = 0; sent < bytes.size(); sent += 1 << 20) {
+    message.set_chunk(bytes.substr(sent, 1 << 20));
+    writer->Write(message);
+  }
+  writer->WritesDone();
+  const grpc::Status status = writer->Finish();
+  EXPECT_TRUE(status.ok()) << status.error_message();
+}
+
 /// Uploads one mesh of 4 MiB after the other.
 void UploadUntil(const std::atomic<bool>& stop, SoakServer& server) {
   const std::shared_ptr<grpc::Channel> channel = server.Connect();
@@ -50,20 +68,7 @@ void UploadUntil(const std::atomic<bool>& stop, SoakServer& server) {
   for (int i = 0; !stop; ++i) {
     std::string bytes(4 << 20, 'u');
     bytes.replace(0, 8, absl::StrCat(absl::Dec(i, absl::kZeroPad8)));
-    CallContext context;
-    v1::UploadMeshResponse response;
-    const auto writer = stub->UploadMesh(&context, &response);
-    v1::UploadMeshRequest message;
-    message.mutable_header()->set_sha256(Sha256Hex(bytes));
-    message.mutable_header()->set_size_bytes(bytes.size());
-    writer->Write(message);
-    for (int part = 0; part < 4; ++part) {
-      message.set_chunk(bytes.substr(part << 20, 1 << 20));
-      writer->Write(message);
-    }
-    writer->WritesDone();
-    const grpc::Status status = writer->Finish();
-    EXPECT_TRUE(status.ok()) << status.error_message();
+    Upload(*stub, bytes);
     absl::SleepFor(absl::Milliseconds(100));
   }
 }
@@ -237,6 +242,45 @@ TEST(OverloadTest, ACancelledJobGivesItsWorkerAndMemoryBack) {
       "cancel: resident memory, second half of the cancels",
       static_cast<double>(server.ResidentBytes() - warm_bytes) / kMebibyte,
       "MiB");
+}
+
+/// A mesh that the server has by now.
+v1::Mesh UploadedAnimal(Stub& stub, char pose, int vertices) {
+  const auto sample = MakeSample({.pose = pose, .vertices = vertices});
+  EXPECT_TRUE(sample.ok()) << sample.status();
+  v1::Mesh mesh = ToDraco(sample->mesh);
+  Upload(stub, mesh.draco());
+  v1::Digest digest;
+  digest.set_sha256(Sha256Hex(mesh.draco()));
+  digest.set_size_bytes(mesh.draco().size());
+  *mesh.mutable_digest() = digest;
+  return mesh;
+}
+
+TEST(OverloadTest, ACancelledJobOfLargeMeshesDoesSoToo) {
+  // So that each job prepares its meshes.
+  SoakServer server(
+      {"--prepared-cache-bytes", "0", "--prepared-store-bytes", "0"});
+  const int vertices = IsSoak() ? 200'000 : 20'000;
+  v1::CreateJobRequest request;
+  *request.mutable_mesh_x() = UploadedAnimal(server.stub(), 'A', vertices);
+  *request.mutable_mesh_y() = UploadedAnimal(server.stub(), 'B', vertices);
+  std::mt19937_64 random(PrintedSeed());
+  std::uniform_real_distribution<double> seconds(0, IsSoak() ? 2 : 0.3);
+  Latencies stops;
+  const int count = Rounds("ISOMATCH_LARGE_CANCELS", 4, 100);
+  for (int i = 0; i < count; ++i) {
+    const auto took =
+        CancelAfter(server.stub(), request, absl::Seconds(seconds(random)));
+    if (took) stops.Add(*took);
+  }
+  const std::string large = absl::StrCat("cancel of ", vertices, " vertices");
+  PrintFigure(large + ": jobs that had not ended by then", stops.count(), "");
+  ASSERT_GT(stops.count(), count / 4);
+  PrintFigure(large + ": median", stops.Milliseconds(0.5), "ms");
+  PrintFigure(large + ": p90", stops.Milliseconds(0.9), "ms");
+  PrintFigure(large + ": slowest", stops.Milliseconds(1), "ms");
+  ExpectAtMost(large + ": p99", stops.Milliseconds(0.99), 250, "ms");
 }
 
 }  // namespace
