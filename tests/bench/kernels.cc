@@ -6,7 +6,6 @@
 #include <utility>
 #include <vector>
 
-#include "absl/strings/str_cat.h"
 #include "core/base/nearest_columns.h"
 #include "core/base/parallel.h"
 #include "core/geodesic/basis_points.h"
@@ -25,8 +24,9 @@ namespace isomatch::bench {
 namespace {
 
 /// The cost of an arithmetic kernel that does so much work in `seconds`.
-KernelCost Arithmetic(std::string name, std::string stages, std::string unit,
-                      double seconds, double units, double flops) {
+KernelCost Arithmetic(std::string name, std::vector<Stage> stages,
+                      std::string unit, double seconds, double units,
+                      double flops) {
   return {.name = std::move(name),
           .stages = std::move(stages),
           .unit = std::move(unit),
@@ -47,7 +47,7 @@ KernelCost DistanceFields(const TriangleMesh& mesh) {
   const double bytes = double(WavefrontStencils(mesh).size()) *
                        sizeof(WavefrontStencil) * sources;
   return {.name = "distance fields",
-          .stages = StageName(Stage::kGeodesics),
+          .stages = {Stage::kGeodesics},
           .unit = "vertex and source",
           .ns_per_unit = 1e9 * seconds / units,
           .rate = 1e-9 * bytes / seconds,
@@ -72,8 +72,8 @@ KernelCost InsertionCandidates(const KernelSubject& subject, int matches) {
   // Of each match: a difference, its absolute value and a sum.
   const double flops = 3.0 * matches * units;
   return Arithmetic("candidates, " + std::to_string(matches) + " matches",
-                    StageName(Stage::kFirstInsertion), "candidate", seconds,
-                    units, flops);
+                    {Stage::kFirstInsertion}, "candidate", seconds, units,
+                    flops);
 }
 
 KernelCost SwapProposals(const KernelSubject& subject, int matches) {
@@ -93,8 +93,8 @@ KernelCost SwapProposals(const KernelSubject& subject, int matches) {
   // Of each match: four differences, their absolute values, four sums.
   const double flops = 12.0 * matches * units;
   return Arithmetic("swap proposals, " + std::to_string(matches) + " matches",
-                    StageName(Stage::kFirstInsertion), "proposal", seconds,
-                    units, flops);
+                    {Stage::kFirstInsertion}, "proposal", seconds, units,
+                    flops);
 }
 
 /// Among the vertices of a mesh in spectral space, as if all pairs were
@@ -112,9 +112,8 @@ KernelCost Nearest(const SpectralBasis& basis, int rows) {
   const double pairs = std::pow(double(points.cols()), 2);
   return Arithmetic(
       "nearest neighbours, " + std::to_string(rows) + " dimensions",
-      absl::StrCat(StageName(Stage::kZoomOut), ", ", StageName(Stage::kChoice),
-                   ", ", StageName(Stage::kAlignment)),
-      "candidate", seconds, pairs, 2 * double(rows) * pairs);
+      {Stage::kZoomOut, Stage::kChoice, Stage::kAlignment}, "candidate",
+      seconds, pairs, 2 * double(rows) * pairs);
 }
 
 KernelCost Eigenpairs(const TriangleMesh& mesh, int count) {
@@ -126,9 +125,8 @@ KernelCost Eigenpairs(const TriangleMesh& mesh, int count) {
   // it, there and back.
   const double n = mesh.num_vertices();
   const double subspace = LanczosSubspace(count);
-  return Arithmetic("eigenpairs", StageName(Stage::kSpectral),
-                    "vertex and pair", seconds, n * count,
-                    2 * n * subspace * subspace);
+  return Arithmetic("eigenpairs", {Stage::kSpectral}, "vertex and pair",
+                    seconds, n * count, 2 * n * subspace * subspace);
 }
 
 }  // namespace

@@ -3,15 +3,17 @@
 #include <string>
 #include <vector>
 
+#include "core/pipeline/matcher.h"
+
 namespace isomatch::bench {
 
 /// What one inner loop costs, alone on all cores.
 struct KernelCost {
   std::string name;
-  std::string stages;      ///< of which it is the inner loop
-  std::string unit;        ///< of work
-  double ns_per_unit = 0;  ///< wall, all cores
-  double rate = 0;         ///< GFLOP/s, or GB/s of what must be read
+  std::vector<Stage> stages;  ///< of which it is the inner loop
+  std::string unit;           ///< of work
+  double ns_per_unit = 0;     ///< wall, all cores
+  double rate = 0;            ///< GFLOP/s, or GB/s of what must be read
   bool is_arithmetic = true;
 };
 

@@ -7,9 +7,12 @@
 #include <map>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include <nlohmann/json.hpp>
 
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
 #include "client/sample_animal.h"
 #include "client/text_file.h"
 #include "core/base/status_macros.h"
@@ -20,6 +23,7 @@
 #include "core/pipeline/prepared_mesh.h"
 #include "tests/bench/kernels.h"
 #include "tests/bench/machine.h"
+#include "tests/bench/own_process.h"
 #include "tests/bench/pair_set.h"
 #include "tests/support/memory_growth.h"
 
@@ -43,7 +47,7 @@ struct RunCost {
   double peak_bytes = 0;
 };
 
-/// Median runs of one pair.
+/// Runs of one pair.
 struct PairCost {
   std::string name;
   int vertices = 0;  ///< of the larger mesh
@@ -96,25 +100,29 @@ class StageClock {
   double begin_wall_, stage_wall_, begin_cpu_, stage_cpu_;
 };
 
-/// Medians figure by figure.
-RunCost MedianRun(const std::vector<RunCost>& runs) {
-  const auto median = [&](const std::function<double(const RunCost&)>& of) {
-    std::vector<double> values;
-    for (const RunCost& run : runs) values.push_back(of(run));
-    return MedianOf(std::move(values));
+/// Medians of times and maxima of memory, figure by figure. (Of a process the
+/// first run adds most: later ones use again what it gave back.)
+RunCost Summary(const std::vector<RunCost>& runs) {
+  const auto values = [&](const auto& of) {
+    std::vector<double> result;
+    for (const RunCost& run : runs) result.push_back(of(run));
+    return result;
+  };
+  const auto median = [&](const auto& of) { return MedianOf(values(of)); };
+  const auto most = [&](const auto& of) {
+    return std::ranges::max(values(of));
   };
   RunCost result;
   result.wall = median([](const RunCost& run) { return run.wall; });
   result.cpu = median([](const RunCost& run) { return run.cpu; });
-  result.peak_bytes = median([](const RunCost& run) { return run.peak_bytes; });
+  result.peak_bytes = most([](const RunCost& run) { return run.peak_bytes; });
   for (const auto& [name, unused] : runs.front().stages) {
-    const Stage stage = name;
-    const auto of = [&](double StageCost::*figure) {
-      return median(
-          [&](const RunCost& run) { return run.stages.at(stage).*figure; });
+    const auto of = [stage = name](double StageCost::*figure) {
+      return [=](const RunCost& run) { return run.stages.at(stage).*figure; };
     };
-    result.stages[stage] = {of(&StageCost::wall), of(&StageCost::cpu),
-                            of(&StageCost::peak_bytes)};
+    result.stages[name] = {median(of(&StageCost::wall)),
+                           median(of(&StageCost::cpu)),
+                           most(of(&StageCost::peak_bytes))};
   }
   return result;
 }
@@ -140,7 +148,7 @@ absl::StatusOr<PairCost> MeasurePair(const MeshPair& pair, int runs,
     clock.Finish();
     found = std::move(result.y_from_x);
   }
-  cost.run = MedianRun(costs);
+  cost.run = Summary(costs);
   ISOMATCH_ASSIGN_OR_RETURN(const PreparedShape x,
                             Prepare(pair.mesh_x, options));
   ISOMATCH_ASSIGN_OR_RETURN(const PreparedShape y,
@@ -183,7 +191,27 @@ double UnitsOf(Stage stage, const PairCost& cost, const MatchOptions& options) {
   return 2.0 * solved * BasisPoints::DefaultCount(solved);
 }
 
-void PrintPair(const PairCost& cost, const MatchOptions& options) {
+/// How near the kernels of a stage come to the machine's limit: "14 to 57 %",
+/// or
+/// "-" for one that has none.
+std::string LimitReached(Stage stage, const nlohmann::json& kernels) {
+  double least = HUGE_VAL;
+  double most = 0;
+  for (const nlohmann::json& kernel : kernels) {
+    const std::vector<std::string> stages = kernel["stages"];
+    if (std::ranges::find(stages, StageName(stage)) == stages.end()) continue;
+    const double share =
+        kernel["rate"].get<double>() / kernel["machine"].get<double>();
+    least = std::min(least, share);
+    most = std::max(most, share);
+  }
+  if (most == 0) return "-";
+  if (least == most) return absl::StrFormat("%.0f %%", 100 * most);
+  return absl::StrFormat("%.0f to %.0f %%", 100 * least, 100 * most);
+}
+
+void PrintPair(const PairCost& cost, const MatchOptions& options,
+               const nlohmann::json& kernels) {
   std::printf(
       "\n%s, %d vertices: %.2f s (processor %.2f), with both prepared "
       "%.2f s and %.0f MB\n  peak %.0f MB, estimate %.0f MB (%.2f x), error / "
@@ -192,26 +220,26 @@ void PrintPair(const PairCost& cost, const MatchOptions& options) {
       cost.prepared_seconds, cost.prepared_bytes / kMegabyte,
       cost.run.peak_bytes / kMegabyte, cost.estimate_bytes / kMegabyte,
       cost.estimate_bytes / cost.run.peak_bytes, cost.error);
-  std::printf("  %-18s %9s %9s %12s  %s\n", "stage", "wall s", "cpu s",
-              "peak so far", "ns a unit of work");
+  std::printf("  %-18s %9s %9s %12s %12s  %s\n", "stage", "wall s", "cpu s",
+              "peak so far", "of limit", "ns a unit of work");
   for (const auto& [stage, figures] : cost.run.stages) {
-    std::printf("  %-18s %9.3f %9.3f %9.0f MB  %.0f a %s\n", StageName(stage),
-                figures.wall, figures.cpu, figures.peak_bytes / kMegabyte,
-                1e9 * figures.cpu / UnitsOf(stage, cost, options),
-                UnitOf(stage));
+    std::printf(
+        "  %-18s %9.3f %9.3f %9.0f MB %12s  %.0f a %s\n", StageName(stage),
+        figures.wall, figures.cpu, figures.peak_bytes / kMegabyte,
+        LimitReached(stage, kernels).c_str(),
+        1e9 * figures.cpu / UnitsOf(stage, cost, options), UnitOf(stage));
   }
-  std::fflush(stdout);
 }
 
 /// Slope of log(figure) over log(vertices), least squares; 0 for fewer than two
 /// sizes.
-double Exponent(const std::vector<PairCost>& costs,
-                const std::function<double(const PairCost&)>& figure) {
+double Exponent(const nlohmann::json& pairs, const char* figure) {
   double n = 0, sx = 0, sy = 0, sxx = 0, sxy = 0;
-  for (const PairCost& cost : costs) {
-    if (cost.vertices < kFittedFrom) continue;
-    const double x = std::log(cost.vertices);
-    const double y = std::log(figure(cost));
+  for (const nlohmann::json& pair : pairs) {
+    const double vertices = pair["vertices"];
+    if (vertices < kFittedFrom) continue;
+    const double x = std::log(vertices);
+    const double y = std::log(pair[figure].get<double>());
     n += 1;
     sx += x;
     sy += y;
@@ -246,19 +274,21 @@ nlohmann::json ToJson(const PairCost& cost, const MatchOptions& options) {
 
 nlohmann::json PrintKernels() {
   const MachineLimits machine = MeasureMachine();
-  std::printf("\nmachine: %.1f GFLOP/s (float products), %.1f GB/s (reading)\n",
+  std::printf("machine: %.1f GFLOP/s (float products), %.1f GB/s (reading)\n",
               machine.gflop_per_s, machine.read_gb_per_s);
   nlohmann::json kernels;
   for (const KernelCost& kernel : MeasureKernels()) {
     const double limit =
         kernel.is_arithmetic ? machine.gflop_per_s : machine.read_gb_per_s;
+    std::vector<std::string> stages;
+    for (const Stage stage : kernel.stages) stages.push_back(StageName(stage));
     std::printf(
         "  %-34s %8.2f ns a %-18s %6.1f %-7s %3.0f %% of the machine's  (%s)\n",
         kernel.name.c_str(), kernel.ns_per_unit, kernel.unit.c_str(),
         kernel.rate, kernel.is_arithmetic ? "GFLOP/s" : "GB/s",
-        100 * kernel.rate / limit, kernel.stages.c_str());
+        100 * kernel.rate / limit, absl::StrJoin(stages, ", ").c_str());
     kernels.push_back({{"kernel", kernel.name},
-                       {"stages", kernel.stages},
+                       {"stages", std::move(stages)},
                        {"unit", kernel.unit},
                        {"ns_per_unit", kernel.ns_per_unit},
                        {"rate", kernel.rate},
@@ -267,31 +297,44 @@ nlohmann::json PrintKernels() {
   return kernels;
 }
 
-absl::Status MeasureAll(const SpeedSelection& selection,
-                        const MatchOptions& options,
-                        std::vector<PairCost>* costs) {
-  const auto measure = [&](const MeshPair& pair) -> absl::Status {
-    ISOMATCH_ASSIGN_OR_RETURN(PairCost cost,
-                              MeasurePair(pair, selection.runs, options));
-    PrintPair(cost, options);
-    costs->push_back(std::move(cost));
-    return absl::OkStatus();
-  };
+using PairSource = std::function<absl::StatusOr<MeshPair>()>;
+
+absl::StatusOr<std::vector<PairSource>> SelectedPairs(
+    const SpeedSelection& selection) {
+  std::vector<PairSource> pairs;
   if (selection.dir.empty()) {
     for (const int size : selection.sizes) {
-      ISOMATCH_ASSIGN_OR_RETURN(const MeshPair pair, SamplePair(size));
-      ISOMATCH_RETURN_IF_ERROR(measure(pair));
+      pairs.push_back([size] { return SamplePair(size); });
     }
-    return absl::OkStatus();
+    return pairs;
   }
   ISOMATCH_ASSIGN_OR_RETURN(const auto names, ReadPairNames(selection.dir));
   for (const auto& [x, y] : names) {
     if ((x + " " + y).find(selection.filter) == std::string::npos) continue;
-    ISOMATCH_ASSIGN_OR_RETURN(const MeshPair pair,
-                              ReadPair(selection.dir, x, y));
-    ISOMATCH_RETURN_IF_ERROR(measure(pair));
+    pairs.push_back(
+        [dir = selection.dir, x = x, y = y] { return ReadPair(dir, x, y); });
   }
-  return absl::OkStatus();
+  return pairs;
+}
+
+/// The figures of the pairs, each from a process of its own.
+absl::StatusOr<nlohmann::json> MeasurePairs(
+    const std::vector<PairSource>& sources, int runs,
+    const MatchOptions& options, const nlohmann::json& kernels) {
+  nlohmann::json pairs;
+  for (const PairSource& source : sources) {
+    ISOMATCH_ASSIGN_OR_RETURN(
+        nlohmann::json figures,
+        InOwnProcess([&]() -> absl::StatusOr<nlohmann::json> {
+          ISOMATCH_ASSIGN_OR_RETURN(const MeshPair pair, source());
+          ISOMATCH_ASSIGN_OR_RETURN(const PairCost cost,
+                                    MeasurePair(pair, runs, options));
+          PrintPair(cost, options, kernels);
+          return ToJson(cost, options);
+        }));
+    pairs.push_back(std::move(figures));
+  }
+  return pairs;
 }
 
 }  // namespace
@@ -299,33 +342,36 @@ absl::Status MeasureAll(const SpeedSelection& selection,
 absl::Status RunSpeed(const SpeedSelection& selection,
                       const MatchOptions& options,
                       const std::string& out_path) {
+  ISOMATCH_ASSIGN_OR_RETURN(const std::vector<PairSource> sources,
+                            SelectedPairs(selection));
   std::printf(
       "profile %s, %s threads, instruction set %s, median of %d runs\n",
       ProfileName(options.profile),
       options.threads == 0 ? "all" : std::to_string(options.threads).c_str(),
       InstructionSet().c_str(), selection.runs);
-  std::vector<PairCost> costs;
-  ISOMATCH_RETURN_IF_ERROR(MeasureAll(selection, options, &costs));
-  const double time =
-      Exponent(costs, [](const PairCost& cost) { return cost.run.wall; });
-  const double memory =
-      Exponent(costs, [](const PairCost& cost) { return cost.run.peak_bytes; });
+  ISOMATCH_ASSIGN_OR_RETURN(
+      nlohmann::json kernels,
+      InOwnProcess(
+          []() -> absl::StatusOr<nlohmann::json> { return PrintKernels(); }));
+  ISOMATCH_ASSIGN_OR_RETURN(
+      nlohmann::json pairs,
+      MeasurePairs(sources, selection.runs, options, kernels));
+  const double time = Exponent(pairs, "wall_seconds");
+  const double memory = Exponent(pairs, "peak_bytes");
   if (time != 0) {
     std::printf(
         "\nfrom %d vertices on: time grows as n^%.2f, memory as n^%.2f\n",
         kFittedFrom, time, memory);
   }
-  nlohmann::json report = {{"profile", ProfileName(options.profile)},
-                           {"threads", options.threads},
-                           {"instruction_set", InstructionSet()},
-                           {"runs", selection.runs},
-                           {"time_exponent", time},
-                           {"memory_exponent", memory},
-                           {"kernels", PrintKernels()}};
-  for (const PairCost& cost : costs) {
-    report["pairs"].push_back(ToJson(cost, options));
-  }
   if (out_path.empty()) return absl::OkStatus();
+  const nlohmann::json report = {{"profile", ProfileName(options.profile)},
+                                 {"threads", options.threads},
+                                 {"instruction_set", InstructionSet()},
+                                 {"runs", selection.runs},
+                                 {"time_exponent", time},
+                                 {"memory_exponent", memory},
+                                 {"kernels", std::move(kernels)},
+                                 {"pairs", std::move(pairs)}};
   return WriteFileAtomically(out_path, report.dump(2) + "\n");
 }
 

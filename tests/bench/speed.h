@@ -18,11 +18,12 @@ struct SpeedSelection {
   int runs = 3;
 };
 
-/// Prints for each pair and stage the seconds, processor time, time by unit of
-/// work and peak memory, the estimate of it, the error, the time with both
-/// meshes prepared; then the exponents fitted over the sizes from 5,000 on, and
-/// how near single kernels come to what the machine can do. The same as JSON to
-/// `out_path` unless that is empty.
+/// Prints how near single kernels come to what the machine can do; for each
+/// pair, measured in a process of its own, and stage the seconds, processor
+/// time, time by unit of work and peak memory, the share of the machine's limit
+/// that its kernels reach, the estimate of memory, the error, the time with
+/// both meshes prepared; then the exponents fitted over the sizes from 5,000
+/// on. The same as JSON to `out_path` unless that is empty.
 absl::Status RunSpeed(const SpeedSelection& selection,
                       const MatchOptions& options, const std::string& out_path);
 
