@@ -10,14 +10,51 @@
 #include "core/base/mutex.h"
 #include "core/base/parallel.h"
 #include "core/base/status_macros.h"
+#include "core/geodesic/field_sweeps.h"
 
 namespace isomatch {
 namespace {
 
 using Row = Eigen::Map<const Eigen::ArrayXf>;
 
-/// Sources a task solves with one workspace.
-constexpr int kSourcesPerTask = 4;
+/// Called with the number of sources done since the last call.
+using Report = std::function<void(std::size_t)>;
+
+absl::Status SweepFields(const DistanceFieldSolver& solver,
+                         absl::Span<const VertexIndex> points,
+                         const Report& report, const std::stop_token& stop,
+                         float* fields) {
+  const FieldSweeps sweeps(solver.stencils());
+  const std::vector<std::vector<int>> groups = sweeps.Groups(points);
+  const auto solve_group = [&](std::int64_t g) {
+    FieldSweeps::Workspace workspace;
+    sweeps.Solve(points, groups[g], stop, fields, &workspace);
+    report(groups[g].size());
+  };
+  return ParallelFor(static_cast<std::int64_t>(groups.size()), stop,
+                     solve_group);
+}
+
+absl::Status SolveFields(const DistanceFieldSolver& solver,
+                         absl::Span<const VertexIndex> points,
+                         const Report& report, const std::stop_token& stop,
+                         float* fields) {
+  constexpr std::size_t kSourcesPerTask = 4;  // with one workspace
+  const auto solve_some = [&](std::int64_t task) {
+    DistanceFieldSolver::Workspace workspace;
+    const std::size_t begin = task * kSourcesPerTask;
+    const std::size_t end = std::min(begin + kSourcesPerTask, points.size());
+    for (std::size_t z = begin; z < end && !stop.stop_requested(); ++z) {
+      solver.Solve(points[z], fields + z,
+                   static_cast<std::int64_t>(points.size()), &workspace);
+      report(1);
+    }
+  };
+  return ParallelFor(
+      static_cast<std::int64_t>((points.size() + kSourcesPerTask - 1) /
+                                kSourcesPerTask),
+      stop, solve_some);
+}
 
 }  // namespace
 
@@ -37,20 +74,17 @@ absl::StatusOr<BasisPoints> BasisPoints::Create(
   const int count = basis.num_points();
   basis.fields_.resize(std::int64_t{basis.num_vertices_} * count);
   Mutex mutex;
-  int done = 0;
-  const auto solve_some = [&](std::int64_t task) {
-    DistanceFieldSolver::Workspace workspace;
-    const int begin = static_cast<int>(task) * kSourcesPerTask;
-    const int end = std::min(begin + kSourcesPerTask, count);
-    for (int z = begin; z < end && !stop.stop_requested(); ++z) {
-      solver.Solve(basis.points_[z], basis.fields_.data() + z, count,
-                   &workspace);
-      const MutexLock lock(mutex);
-      if (progress) progress(double(++done) / count);
-    }
+  std::size_t done = 0;
+  const auto report = [&](std::size_t sources) {
+    const MutexLock lock(mutex);
+    done += sources;
+    if (progress && !stop.stop_requested()) progress(double(done) / count);
   };
-  ISOMATCH_RETURN_IF_ERROR(ParallelFor(
-      (count + kSourcesPerTask - 1) / kSourcesPerTask, stop, solve_some));
+  const bool swept = solver.num_vertices() <= FieldSweeps::kMostVertices;
+  ISOMATCH_RETURN_IF_ERROR((swept ? SweepFields : SolveFields)(
+      solver, basis.points_, report, stop, basis.fields_.data()));
+  // A stop during the last sources left them undone.
+  ISOMATCH_RETURN_IF_ERROR(CheckNotCancelled(stop));
   return basis;
 }
 

@@ -43,6 +43,7 @@ class DistanceFieldSolver {
   };
 
   VertexIndex num_vertices() const { return stencils_.num_vertices(); }
+  const WavefrontStencils& stencils() const { return stencils_; }
 
   /// Writes the distance from `source` to every vertex, mesh units,
   /// kUnreachable to other components, to field[0], field[stride], ...

@@ -6,6 +6,7 @@
 
 #include "core/descriptor/shot_descriptor.h"
 #include "core/geodesic/basis_points.h"
+#include "core/geodesic/field_sweeps.h"
 #include "core/matching/closeness.h"
 #include "core/mesh/surface_samples.h"
 #include "core/pipeline/candidates.h"
@@ -32,7 +33,7 @@ constexpr double kWorkspacePerVertex = 80;
 /// What one shape takes, by what holds it.
 struct ShapeBytes {
   double working;        ///< clean mesh, normals, maps: kept to the end
-  double stencils;       ///< while distance fields are computed
+  double stencils;       ///< and tables, while distance fields are computed
   double fields;         ///< kept to the end
   double lanczos;        ///< while eigenpairs are computed, both sides at once
   double functions;      ///< eigenfunctions, kept to the end
@@ -80,7 +81,7 @@ ShapeBytes BytesOf(MeshSize mesh, std::int64_t num_landmarks,
   const bool tabulated = pool <= PointPool::kMaxTabulated;
   ShapeBytes bytes;
   bytes.working = 280 * n + 150 * m;
-  bytes.stencils = 420 * n + 450 * m;
+  bytes.stencils = (n <= FieldSweeps::kMostVertices ? 720 : 420) * n + 450 * m;
   bytes.fields = 4 * n * basis;
   bytes.lanczos = count > 0 ? LanczosBytes(n, m, count) : 0;
   bytes.functions = 8 * n * count;

@@ -7,6 +7,7 @@
 
 #include <gtest/gtest.h>
 
+#include "core/geodesic/field_sweeps.h"
 #include "tests/support/hashed_test_shape.h"
 #include "tests/support/matchers.h"
 #include "tests/support/shapes.h"
@@ -76,6 +77,28 @@ TEST(BasisPointsTest, DefaultCountIsTheRootWithinBounds) {
   EXPECT_EQ(BasisPoints::DefaultCount(100), 16);
   EXPECT_EQ(BasisPoints::DefaultCount(5000), 71);
   EXPECT_EQ(BasisPoints::DefaultCount(1000000), 1000);
+}
+
+TEST(BasisPointsTest, FieldsAreTheSolversAtAnySize) {
+  // Swept in groups up to FieldSweeps::kMostVertices, one by one above.
+  for (const int level : {4, 5}) {
+    const DistanceFieldSolver solver(UnitSphere(level));
+    ASSERT_EQ(solver.num_vertices() > FieldSweeps::kMostVertices, level == 5);
+    std::vector<double> fractions;
+    const BasisPoints basis = *BasisPoints::Create(
+        solver, {0, 77, 1000, 2000, 5, 2500, 300, 81, 222, 1},
+        [&](double fraction) { fractions.push_back(fraction); }, {});
+    EXPECT_TRUE(std::ranges::is_sorted(fractions));
+    EXPECT_EQ(fractions.back(), 1);
+    DistanceFieldSolver::Workspace workspace;
+    std::vector<float> field(solver.num_vertices());
+    for (int z = 0; z < basis.num_points(); ++z) {
+      solver.Solve(basis.points()[z], field.data(), 1, &workspace);
+      for (VertexIndex v = 0; v < solver.num_vertices(); ++v) {
+        ASSERT_NEAR(basis.Distance(v, z), field[v], 3e-5);
+      }
+    }
+  }
 }
 
 TEST(BasisPointsTest, CreationStopsWhenAsked) {

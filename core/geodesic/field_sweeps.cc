@@ -1,0 +1,231 @@
+#include "core/geodesic/field_sweeps.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <functional>
+#include <numeric>
+#include <utility>
+
+#if defined(__SSE2__)
+#include <immintrin.h>
+#endif
+
+#include "core/geodesic/distance_field_solver.h"
+
+namespace isomatch {
+namespace {
+
+/// Distances of a vertex from the sources of a group. The compiler makes one or
+/// two registers of it, or plain code.
+using Lanes = float __attribute__((vector_size(FieldSweeps::kLanes * 4)));
+
+/// No distance yet, in mean edges. Its square is finite.
+constexpr float kFar = 1e18f;
+/// Relative: a smaller change is rounding.
+constexpr float kRounding = 1e-6f;
+
+Lanes Load(const float* from) {
+  Lanes lanes;
+  std::memcpy(&lanes, from, sizeof lanes);
+  return lanes;
+}
+
+Lanes All(float value) { return Lanes{} + value; }
+
+Lanes Min(Lanes a, Lanes b) { return a < b ? a : b; }
+
+/// Exactly rounded. (std::sqrt in a loop is not vectorised, for errno.)
+Lanes Sqrt(Lanes lanes) {
+#if defined(__AVX__)
+  return _mm256_sqrt_ps(lanes);
+#elif defined(__SSE2__)
+  float values[FieldSweeps::kLanes];
+  std::memcpy(values, &lanes, sizeof values);
+  _mm_storeu_ps(values, _mm_sqrt_ps(_mm_loadu_ps(values)));
+  _mm_storeu_ps(values + 4, _mm_sqrt_ps(_mm_loadu_ps(values + 4)));
+  return Load(values);
+#else
+  for (int lane = 0; lane < FieldSweeps::kLanes; ++lane) {
+    lanes[lane] = std::sqrt(lanes[lane]);
+  }
+  return lanes;
+#endif
+}
+
+bool AnyLess(Lanes a, Lanes b) {
+  const auto less = a < b;
+#if defined(__AVX__)
+  return !_mm256_testz_si256((__m256i)less, (__m256i)less);
+#else
+  int any = 0;
+  for (int lane = 0; lane < FieldSweeps::kLanes; ++lane) any |= less[lane];
+  return any != 0;
+#endif
+}
+
+/// Starts of the runs, from their lengths at the position after them.
+void Accumulate(std::vector<std::int64_t>* counts) {
+  std::partial_sum(counts->begin(), counts->end(), counts->begin());
+}
+
+float MeanEdge(const WavefrontStencils& stencils) {
+  double sum = 0;
+  for (VertexIndex v = 0; v < stencils.num_vertices(); ++v) {
+    for (auto s = stencils.begin(v); s != stencils.end(v); ++s) sum += s->edge;
+  }
+  return sum > 0 ? static_cast<float>(sum / double(stencils.size())) : 1;
+}
+
+}  // namespace
+
+FieldSweeps::FieldSweeps(const WavefrontStencils& stencils)
+    : scale_(MeanEdge(stencils)),
+      first_(stencils.num_vertices() + 1, 0),
+      first_after_(stencils.num_vertices() + 1, 0) {
+  // Each triangle has a stencil from either end; one of them is enough.
+  const auto for_each = [&](const auto& visit) {
+    for (VertexIndex v = 0; v < stencils.num_vertices(); ++v) {
+      for (auto s = stencils.begin(v); s != stencils.end(v); ++s) {
+        if (v < s->other) visit(v, *s);
+      }
+    }
+  };
+  for_each(
+      [&](VertexIndex, const WavefrontStencil& s) { ++first_[s.target + 1]; });
+  Accumulate(&first_);
+  triangles_.resize(first_.back());
+  std::vector<std::int64_t> next(first_.begin(), first_.end() - 1);
+  for_each([&](VertexIndex v, const WavefrontStencil& s) {
+    triangles_[next[s.target]++] = {
+        .a = v,
+        .b = s.other,
+        .base = s.base / scale_,
+        .inverse_base = scale_ / s.base,
+        .x = s.target_x / scale_,
+        .y = s.target_y / scale_,
+        .from_a = s.edge / scale_,
+        .from_b = std::hypot(s.base - s.target_x, s.target_y) / scale_};
+  });
+  std::vector<VertexIndex> targets;
+  for (VertexIndex v = 0; v < stencils.num_vertices(); ++v) {
+    targets.clear();
+    for (auto s = stencils.begin(v); s != stencils.end(v); ++s) {
+      targets.push_back(s->target);
+    }
+    std::ranges::sort(targets);
+    after_.insert(after_.end(), targets.begin(),
+                  std::unique(targets.begin(), targets.end()));
+    first_after_[v + 1] = static_cast<std::int64_t>(after_.size());
+  }
+}
+
+void FieldSweeps::OrderFrom(VertexIndex source, Workspace* workspace) const {
+  std::vector<VertexIndex>& order = workspace->order;
+  std::vector<std::int32_t>& edges = workspace->edges;
+  edges.assign(num_vertices(), -1);
+  edges[source] = 0;
+  order.assign(1, source);
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    const VertexIndex v = order[i];
+    for (auto k = first_after_[v]; k < first_after_[v + 1]; ++k) {
+      if (edges[after_[k]] >= 0) continue;
+      edges[after_[k]] = edges[v] + 1;
+      order.push_back(after_[k]);
+    }
+  }
+}
+
+std::vector<std::vector<int>> FieldSweeps::Groups(
+    absl::Span<const VertexIndex> sources) const {
+  std::vector<int> left(sources.size());
+  std::iota(left.begin(), left.end(), 0);
+  std::vector<std::vector<int>> groups;
+  Workspace workspace;
+  while (!left.empty()) {
+    OrderFrom(sources[left.front()], &workspace);
+    const auto edges = [&](int z) { return workspace.edges[sources[z]]; };
+    // Those of other components come last.
+    std::ranges::stable_sort(left, std::less<>(), [&](int z) {
+      return static_cast<std::uint32_t>(edges(z));
+    });
+    std::size_t size = 1;
+    while (size < std::min<std::size_t>(kLanes, left.size()) &&
+           edges(left[size]) >= 0) {
+      ++size;
+    }
+    groups.emplace_back(left.begin(), left.begin() + size);
+    left.erase(left.begin(), left.begin() + size);
+    std::ranges::sort(left);
+  }
+  return groups;
+}
+
+bool FieldSweeps::Update(VertexIndex vertex, float* distances) const {
+  float* const own = distances + std::int64_t{vertex} * kLanes;
+  const Lanes before = Load(own);
+  const Lanes zero = {};
+  const Lanes far = All(kFar);
+  Lanes now = before;
+  for (auto i = first_[vertex]; i < first_[vertex + 1]; ++i) {
+    const Triangle& t = triangles_[i];
+    const Lanes a = Load(distances + std::int64_t{t.a} * kLanes);
+    const Lanes b = Load(distances + std::int64_t{t.b} * kLanes);
+    now = Min(now, Min(a + t.from_a, b + t.from_b));
+    // The virtual source, and where its straight line crosses the edge.
+    const Lanes x = 0.5f * (t.base + (a - b) * (a + b) * t.inverse_base);
+    const Lanes y_squared = a * a - x * x;
+    const Lanes y = Sqrt(y_squared > zero ? y_squared : zero);
+    const Lanes across = t.x - x;
+    const Lanes down = t.y + y;
+    const Lanes crossing = x * down + across * y;
+    const auto hits =
+        (y_squared >= zero) & (crossing >= zero) & (crossing <= t.base * down);
+    now = Min(now, hits ? Sqrt(across * across + down * down) : far);
+  }
+  if (!AnyLess(now, before * (1 - kRounding))) return false;
+  std::memcpy(own, &now, sizeof now);
+  return true;
+}
+
+void FieldSweeps::SetWaiting(VertexIndex changed,
+                             std::vector<char>* waiting) const {
+  for (auto k = first_after_[changed]; k < first_after_[changed + 1]; ++k) {
+    (*waiting)[after_[k]] = 1;
+  }
+}
+
+void FieldSweeps::Solve(absl::Span<const VertexIndex> sources,
+                        absl::Span<const int> group,
+                        const std::stop_token& stop, float* fields,
+                        Workspace* workspace) const {
+  OrderFrom(sources[group.front()], workspace);
+  std::vector<float>& distances = workspace->distances;
+  std::vector<char>& waiting = workspace->waiting;
+  distances.assign(std::size_t{kLanes} * num_vertices(), kFar);
+  waiting.assign(num_vertices(), 0);
+  for (std::size_t lane = 0; lane < group.size(); ++lane) {
+    const VertexIndex source = sources[group[lane]];
+    distances[std::size_t{kLanes} * source + lane] = 0;
+    SetWaiting(source, &waiting);
+  }
+  for (bool changed = true; changed && !stop.stop_requested();) {
+    changed = false;
+    for (const VertexIndex v : workspace->order) {
+      if (!waiting[v]) continue;
+      waiting[v] = 0;
+      if (!Update(v, distances.data())) continue;
+      SetWaiting(v, &waiting);
+      changed = true;
+    }
+  }
+  for (VertexIndex v = 0; v < num_vertices(); ++v) {
+    for (std::size_t lane = 0; lane < group.size(); ++lane) {
+      const float distance = distances[std::size_t{kLanes} * v + lane];
+      fields[static_cast<std::int64_t>(v * sources.size()) + group[lane]] =
+          distance < kFar ? distance * scale_ : kUnreachable;
+    }
+  }
+}
+
+}  // namespace isomatch
