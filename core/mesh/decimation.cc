@@ -26,11 +26,14 @@ constexpr double kFacesPerVertex = 2;
 
 /// meshoptimizer cannot be stopped: of a mesh of more faces it gets patches at
 /// first, which the processor's caches hold, and leaves of them so many faces
-/// for each that is wanted in the end. What the patches' borders kept goes in
-/// the last pass over all that is left.
+/// for each that is wanted in the end, but no smaller share of them in one
+/// pass: where hardly more than the patches' borders is left, which stay, the
+/// inside is too coarse to be mended. What the borders kept goes in later
+/// passes, the last of them over all that is left.
 constexpr std::size_t kFacesAtOnce = 1 << 17;
 constexpr std::size_t kFacesOfPatch = 1 << 15;
 constexpr double kFacesLeftOfPatches = 8;
+constexpr double kLeastShareLeft = 0.125;
 
 /// Vertices of faces, three each.
 using FaceCorners = std::vector<unsigned int>;
@@ -97,8 +100,8 @@ absl::StatusOr<FaceCorners> SimplifyPatches(const FaceCorners& corners,
                                             const std::stop_token& stop) {
   const std::size_t faces = corners.size() / 3;
   const std::size_t count = faces / kFacesOfPatch;
-  const double share =
-      std::min(1.0, kFacesLeftOfPatches * wanted_faces / double(faces));
+  const double share = std::clamp(
+      kFacesLeftOfPatches * wanted_faces / double(faces), kLeastShareLeft, 1.0);
   std::vector<FaceCorners> left(count);
   ISOMATCH_RETURN_IF_ERROR(
       ParallelFor(std::ssize(left), stop, [&](std::int64_t i) {
@@ -129,9 +132,11 @@ absl::StatusOr<CoarseMesh> Decimate(const TriangleMesh& mesh,
   const double wanted_faces =
       target * std::min(kFacesPerVertex,
                         double{1} * mesh.num_faces() / mesh.num_vertices());
-  if (left.size() / 3 > kFacesAtOnce) {
+  for (bool shrinks = true; shrinks && left.size() / 3 > kFacesAtOnce;) {
+    const std::size_t before = left.size();
     ISOMATCH_ASSIGN_OR_RETURN(
         left, SimplifyPatches(left, positions, wanted_faces, stop));
+    shrinks = left.size() < before / 2;
   }
   ISOMATCH_RETURN_IF_ERROR(CheckNotCancelled(stop));
   left = Simplify(left, positions, wanted_faces, /*options=*/0);
