@@ -64,11 +64,6 @@ bool AnyLess(Lanes a, Lanes b) {
 #endif
 }
 
-/// Starts of the runs, from their lengths at the position after them.
-void Accumulate(std::vector<std::int64_t>* counts) {
-  std::partial_sum(counts->begin(), counts->end(), counts->begin());
-}
-
 float MeanEdge(const WavefrontStencils& stencils) {
   double sum = 0;
   for (VertexIndex v = 0; v < stencils.num_vertices(); ++v) {
@@ -93,7 +88,7 @@ FieldSweeps::FieldSweeps(const WavefrontStencils& stencils)
   };
   for_each(
       [&](VertexIndex, const WavefrontStencil& s) { ++first_[s.target + 1]; });
-  Accumulate(&first_);
+  std::partial_sum(first_.begin(), first_.end(), first_.begin());
   triangles_.resize(first_.back());
   std::vector<std::int64_t> next(first_.begin(), first_.end() - 1);
   for_each([&](VertexIndex v, const WavefrontStencil& s) {

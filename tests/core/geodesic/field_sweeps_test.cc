@@ -9,6 +9,7 @@
 
 #include "core/geodesic/distance_field_solver.h"
 #include "core/geodesic/farthest_point_sampling.h"
+#include "tests/support/dirty_meshes.h"
 #include "tests/support/shapes.h"
 
 namespace isomatch {
@@ -60,14 +61,8 @@ std::vector<VertexIndex> FarthestOf(const TriangleMesh& mesh, int count) {
 /// Two spheres that do not touch.
 TriangleMesh TwoSpheres() {
   const TriangleMesh one = UnitSphere(3);
-  const VertexIndex n = one.num_vertices();
-  TriangleMesh two;
-  two.positions.resize(2 * n, 3);
-  two.positions << one.positions,
-      one.positions.rowwise() + Eigen::RowVector3d(5, 0, 0);
-  two.faces.resize(2 * one.num_faces(), 3);
-  two.faces << one.faces, one.faces.array() + n;
-  return two;
+  return Joined(Untouched(one), Untouched(Shifted(one, 3)), one.num_vertices())
+      .mesh;
 }
 
 TEST(FieldSweepsTest, AreTheFieldsOfOneSourceAtATime) {
