@@ -92,7 +92,8 @@ absl::Status ElasticAlignment::FindPoints(const std::stop_token& stop) {
     const Eigen::RowVector3d aligned = aligned_.positions.row(x);
     const Eigen::RowVector3d wanted =
         fixed ? Eigen::RowVector3d(y_.mesh.positions.row(fixed_[x])) : aligned;
-    points_[x] = NearestOnFaces(y_.mesh, y_.stars.Faces(y_from_x_[x]), wanted);
+    points_[x] =
+        NearestOnFaces(y_.mesh, y_.stars.SomeFaces(y_from_x_[x]), wanted);
     targets_.row(x) = PositionOf(y_.mesh, points_[x]);
     if (!fixed) {
       targets_.row(x) += kOverrelaxation * (targets_.row(x) - aligned);
@@ -122,11 +123,11 @@ absl::StatusOr<std::vector<SurfacePoint>> ElasticAlignment::PrecisePoints(
   ISOMATCH_RETURN_IF_ERROR(
       ParallelForVertices(x_.mesh.num_vertices(), stop, [&](VertexIndex x) {
         // What a landmark is like does not matter: its point is at its image.
-        precise[x] =
-            fixed_[x] != kNoVertex
-                ? points_[x]
-                : NearestOnFaces(y_.mesh.faces, y_.stars.Faces(y_from_x_[x]),
-                                 features_y_, features_x_.col(x));
+        precise[x] = fixed_[x] != kNoVertex
+                         ? points_[x]
+                         : NearestOnFaces(y_.mesh.faces,
+                                          y_.stars.SomeFaces(y_from_x_[x]),
+                                          features_y_, features_x_.col(x));
       }));
   return precise;
 }

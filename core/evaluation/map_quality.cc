@@ -130,7 +130,7 @@ absl::StatusOr<MapMeasures> MeasureMap(const TriangleMesh& mesh_x,
                                        absl::Span<const VertexIndex> y_from_x,
                                        const Positions& images,
                                        const std::stop_token& stop) {
-  const DistanceFieldSolver solver_y(mesh_y);
+  const DistanceFieldSolver solver_y(mesh_y, stop);
   MapMeasures measures;
   const double edge = std::max(MeanEdgeLength(mesh_x), MeanEdgeLength(mesh_y));
   ISOMATCH_RETURN_IF_ERROR(RunBoth(
@@ -141,7 +141,7 @@ absl::StatusOr<MapMeasures> MeasureMap(const TriangleMesh& mesh_x,
         measures.coverage = Coverage(solver_y, mesh_y, y_from_x,
                                      static_cast<float>(kReachInEdges * edge));
         measures.area_distortion = AreaDistortion(mesh_x, images);
-        return absl::OkStatus();
+        return CheckNotCancelled(stop);
       }));
   return measures;
 }

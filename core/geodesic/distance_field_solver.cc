@@ -4,6 +4,7 @@
 #include <cassert>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "core/mesh/mesh_geometry.h"
 
@@ -19,6 +20,11 @@ constexpr double kBucketWidth = 0.5;
 /// Of the mean edge length: a correction smaller than this is rounding.
 constexpr double kTolerance = 1e-6;
 
+/// Entries a vertex, over all vertices, after which only ways along edges
+/// count: where rounding makes triangles of no plane, sources in their planes
+/// come ever nearer, round and round. Sound meshes take 1 to 3.
+constexpr std::int64_t kMostEntries = 64;
+
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 /// Distance of the target when the front crosses its stencil's base; infinite
@@ -29,19 +35,20 @@ double PointSourceDistance(const WavefrontStencil& stencil, double from_support,
   const double x = 0.5 * (base + (from_support - from_other) *
                                      (from_support + from_other) / base);
   const double y_squared = from_support * from_support - x * x;
-  if (y_squared < 0) return kInfinity;
+  if (!(y_squared >= 0)) return kInfinity;
   const double y = std::sqrt(y_squared);
   const double across = stencil.target_x - x;
   const double down = stencil.target_y + y;
   const double crossing = x * down + across * y;
-  if (crossing < 0 || crossing > base * down) return kInfinity;
+  if (!(crossing >= 0 && crossing <= base * down)) return kInfinity;
   return std::sqrt(across * across + down * down);
 }
 
 }  // namespace
 
-DistanceFieldSolver::DistanceFieldSolver(const TriangleMesh& mesh)
-    : stencils_(mesh) {
+DistanceFieldSolver::DistanceFieldSolver(const TriangleMesh& mesh,
+                                         std::stop_token stop)
+    : stencils_(mesh), stop_(std::move(stop)) {
   const double mean_edge = MeanEdgeLength(mesh);
   assert(mean_edge > 0);
   bucket_width_ = kBucketWidth * mean_edge;
@@ -54,16 +61,18 @@ void DistanceFieldSolver::Push(VertexIndex vertex, double distance,
   const std::int64_t last = bucket + kBuckets - 1;
   const double position = distance / bucket_width_;
   const std::int64_t wanted =
-      position >= static_cast<double>(last)
-          ? last
-          : std::max(bucket, static_cast<std::int64_t>(position));
+      position < static_cast<double>(last)
+          ? std::max(bucket, static_cast<std::int64_t>(position))
+          : last;
   workspace->buckets[wanted % kBuckets].emplace_back(distance, vertex);
+  ++workspace->entries;
 }
 
 void DistanceFieldSolver::Relax(VertexIndex support, double distance,
                                 std::int64_t bucket,
                                 Workspace* workspace) const {
   std::vector<double>& distances = workspace->distances;
+  const bool over_planes = workspace->entries < kMostEntries * num_vertices();
   const WavefrontStencil* const end = stencils_.end(support);
   for (const WavefrontStencil* s = stencils_.begin(support); s != end; ++s) {
     const double current = distances[s->target];
@@ -71,11 +80,11 @@ void DistanceFieldSolver::Relax(VertexIndex support, double distance,
     // A front comes from at least one end that is nearer.
     if (current <= std::min(distance, from_other)) continue;
     double candidate = distance + s->edge;
-    if (from_other < kInfinity) {
+    if (over_planes && from_other < kInfinity) {
       candidate =
           std::min(candidate, PointSourceDistance(*s, distance, from_other));
     }
-    if (candidate >= current - tolerance_) continue;
+    if (!(candidate < current - tolerance_)) continue;
     if (current == kInfinity) workspace->touched.push_back(s->target);
     distances[s->target] = candidate;
     Push(s->target, candidate, bucket, workspace);
@@ -92,6 +101,7 @@ void DistanceFieldSolver::Reset(Workspace* workspace) const {
     workspace->distances[v] = kInfinity;
   }
   workspace->touched.clear();
+  workspace->entries = 0;
   for (auto& bucket : workspace->buckets) bucket.clear();
 }
 
@@ -105,6 +115,7 @@ void DistanceFieldSolver::Propagate(VertexIndex source, const Visitor& visit,
   Push(source, 0, 0, workspace);
   std::int64_t empty_in_a_row = 0;
   for (std::int64_t bucket = 0; empty_in_a_row < kBuckets; ++bucket) {
+    if (stop_.stop_requested()) return;
     auto& entries = workspace->buckets[bucket % kBuckets];
     empty_in_a_row = entries.empty() ? empty_in_a_row + 1 : 0;
     // Relaxing may append to this bucket while it is worked off.

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <stop_token>
 #include <utility>
 #include <vector>
 
@@ -28,8 +29,11 @@ inline constexpr float kUnreachable = 1e30f;
 /// Thread-safe: each thread brings its own Workspace.
 class DistanceFieldSolver {
  public:
+  /// After `stop` all solving ends early, with fields that are not done: ask
+  /// CheckNotCancelled before they are used.
   /// REQUIRES: a clean mesh (core/mesh/clean_mesh.h). Time and memory O(n).
-  explicit DistanceFieldSolver(const TriangleMesh& mesh);
+  explicit DistanceFieldSolver(const TriangleMesh& mesh,
+                               std::stop_token stop = {});
 
   /// Scratch memory of one thread, about 80 bytes a vertex. May serve any
   /// solver.
@@ -40,6 +44,7 @@ class DistanceFieldSolver {
     std::vector<double> distances;
     std::vector<VertexIndex> touched;
     std::vector<std::vector<Entry>> buckets;
+    std::int64_t entries = 0;  ///< pushed since the source
   };
 
   VertexIndex num_vertices() const { return stencils_.num_vertices(); }
@@ -76,6 +81,7 @@ class DistanceFieldSolver {
   void Reset(Workspace* workspace) const;
 
   WavefrontStencils stencils_;
+  std::stop_token stop_;
   double bucket_width_ = 1;
   double tolerance_ = 0;
 };

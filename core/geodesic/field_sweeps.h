@@ -72,7 +72,7 @@ class FieldSweeps {
   };
 
   void OrderFrom(VertexIndex source, Workspace* workspace) const;
-  bool Update(VertexIndex vertex, float* distances) const;
+  bool Update(VertexIndex vertex, bool over_planes, float* distances) const;
   void SetWaiting(VertexIndex changed, std::vector<char>* waiting) const;
 
   float scale_ = 1;                        ///< mean edge, mesh units

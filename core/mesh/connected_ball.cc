@@ -10,11 +10,21 @@ namespace {
 
 constexpr std::int64_t kIndicesPerTask = 256;
 
+/// Members of a ball at most, of a shape of more vertices a quarter of these:
+/// where edges are as long as the shape, balls would hold all of it each.
+constexpr std::size_t kMostMembers = 1000;
+constexpr std::size_t kPartOfShape = 4;
+
 }  // namespace
 
 ConnectedBall::ConnectedBall(const Eigen::Matrix3Xd& positions,
                              const VertexStars& stars)
-    : stars_(stars), positions_(positions), visited_(positions.cols(), 0) {}
+    : stars_(stars),
+      positions_(positions),
+      most_members_(
+          std::max(kMostMembers,
+                   static_cast<std::size_t>(positions.cols()) / kPartOfShape)),
+      visited_(positions.cols(), 0) {}
 
 const std::vector<ConnectedBall::Member>& ConnectedBall::Around(
     VertexIndex center, double radius) {
@@ -29,6 +39,7 @@ const std::vector<ConnectedBall::Member>& ConnectedBall::Around(
       const double squared = (positions_.col(v) - middle).squaredNorm();
       if (squared < radius * radius) {
         members_.push_back({v, std::sqrt(squared)});
+        if (members_.size() == most_members_) return members_;
       }
     }
   }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <stop_token>
@@ -28,13 +29,15 @@ class ConnectedBall {
   ConnectedBall(const Eigen::Matrix3Xd& positions, const VertexStars& stars);
 
   /// The vertices nearer than `radius`, the centre first, in an order that
-  /// depends on the mesh alone. Valid until the next call. Time O(members and
-  /// their neighbours).
+  /// depends on the mesh alone. Of more than 1,000, or a quarter of the shape
+  /// where that is more, only so many, to which the fewest edges lead. Valid
+  /// until the next call. Time O(members and their neighbours).
   const std::vector<Member>& Around(VertexIndex center, double radius);
 
  private:
   const VertexStars& stars_;
   const Eigen::Matrix3Xd& positions_;
+  const std::size_t most_members_;
   std::vector<Member> members_;
   std::uint32_t visit_ = 0;
   std::vector<std::uint32_t> visited_;  ///< the last visit of each vertex

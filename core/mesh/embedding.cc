@@ -57,8 +57,8 @@ absl::StatusOr<Embedding> EmbedInCoarse(const StarredMesh& fine,
     const VertexIndex nearest = DescendOverEdges(from, to, v, starts[v], {});
     // The nearest vertex need not be a corner of the nearest face.
     std::vector<VertexIndex> around;
-    for (const VertexIndex c : coarse_stars.Neighbors(nearest)) {
-      const auto faces = coarse_stars.Faces(c);
+    for (const VertexIndex c : coarse_stars.SomeNeighbors(nearest)) {
+      const auto faces = coarse_stars.SomeFaces(c);
       around.insert(around.end(), faces.begin(), faces.end());
     }
     embedding.points[v] =

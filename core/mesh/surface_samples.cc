@@ -27,7 +27,7 @@ VertexIndex DescendOverEdges(const PointsOnSurface& x, const PointsOnSurface& y,
   float least = distance(best);
   const auto offer = [&](VertexIndex to) {
     const float found = distance(to);
-    if (found >= least) return;
+    if (!(found < least)) return;
     least = found;
     best = to;
   };
@@ -38,7 +38,7 @@ VertexIndex DescendOverEdges(const PointsOnSurface& x, const PointsOnSurface& y,
   }
   for (VertexIndex from = kNoVertex; from != best;) {
     from = best;
-    for (const VertexIndex to : y.stars.Neighbors(from)) offer(to);
+    for (const VertexIndex to : y.stars.SomeNeighbors(from)) offer(to);
   }
   return best;
 }

@@ -1,7 +1,9 @@
 #include "core/mesh/triangle_mesh.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
@@ -37,6 +39,98 @@ absl::Status CheckFaces(const TriangleMesh& mesh, const std::string& field) {
   return absl::OkStatus();
 }
 
+/// Faces that medians are taken over, at even steps.
+constexpr VertexIndex kSampledFaces = 1 << 15;
+
+/// Single precision, in which descriptors and distances are kept, holds seven
+/// digits: from further away an edge is a point.
+constexpr double kMostEdges = 1e7;
+/// Coordinates are divided by sqrt(area): their fourth powers stay finite in
+/// single precision.
+constexpr double kMostRootAreas = 1e6;
+/// Fourth powers of lengths stay finite, and above zero, in double precision.
+constexpr double kLongest = 1e70;
+constexpr double kShortest = 1e-70;
+
+double MedianOf(std::vector<double>* values) {
+  const auto middle = values->begin() + std::ssize(*values) / 2;
+  std::nth_element(values->begin(), middle, values->end());
+  return *middle;
+}
+
+/// What a mesh is measured by, insensitive to a few bad vertices.
+struct Medians {
+  Eigen::RowVector3d middle;
+  double edge;  ///< of those that have a length; 0 for none
+};
+
+Medians MediansOf(const TriangleMesh& mesh) {
+  const VertexIndex step = 1 + (mesh.num_faces() - 1) / kSampledFaces;
+  std::vector<double> edges;
+  std::vector<double> coordinates[3];
+  for (VertexIndex f = 0; f < mesh.num_faces(); f += step) {
+    for (int corner = 0; corner < 3; ++corner) {
+      const auto from = mesh.positions.row(mesh.faces(f, corner));
+      const auto to = mesh.positions.row(mesh.faces(f, (corner + 1) % 3));
+      const double length = (to - from).norm();
+      if (length > 0) edges.push_back(length);
+      for (int axis = 0; axis < 3; ++axis) {
+        coordinates[axis].push_back(from[axis]);
+      }
+    }
+  }
+  Medians medians;
+  for (int axis = 0; axis < 3; ++axis) {
+    medians.middle[axis] = MedianOf(&coordinates[axis]);
+  }
+  medians.edge = edges.empty() ? 0 : MedianOf(&edges);
+  return medians;
+}
+
+/// The vertex on a face that lies farthest from `middle`, and how far.
+struct Farthest {
+  VertexIndex vertex = 0;
+  double distance = 0;
+};
+
+Farthest FarthestFrom(const TriangleMesh& mesh,
+                      const Eigen::RowVector3d& middle) {
+  Farthest farthest;
+  for (Eigen::Index i = 0; i < mesh.faces.size(); ++i) {
+    const VertexIndex v = mesh.faces.data()[i];
+    const double distance = (mesh.positions.row(v) - middle).norm();
+    if (distance <= farthest.distance) continue;  // infinite ones are farthest
+    farthest = {v, distance};
+  }
+  return farthest;
+}
+
+/// That the core's numbers hold the shape.
+absl::Status CheckProportions(const TriangleMesh& mesh, double area,
+                              const std::string& field) {
+  const Medians medians = MediansOf(mesh);
+  const Farthest farthest = FarthestFrom(mesh, medians.middle);
+  const auto too_far = [&](double ratio, const char* unit, double most) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(field, ": vertex ", farthest.vertex, " lies ", ratio, " ",
+                     unit, " from the middle of the others, expected at most ",
+                     most, "; move or remove it"));
+  };
+  if (!(farthest.distance < kLongest && farthest.distance > kShortest)) {
+    return too_far(farthest.distance, "units", kLongest);
+  }
+  if (!(farthest.distance <= kMostEdges * medians.edge)) {
+    return too_far(farthest.distance / medians.edge, "median edges",
+                   kMostEdges);
+  }
+  const double root_area = std::sqrt(area);
+  if (!(farthest.distance <= kMostRootAreas * root_area)) {
+    return too_far(farthest.distance / root_area,
+                   "times the square root of the surface area", kMostRootAreas);
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 absl::Status ValidateMesh(const TriangleMesh& mesh, const std::string& field) {
@@ -53,7 +147,7 @@ absl::Status ValidateMesh(const TriangleMesh& mesh, const std::string& field) {
         absl::StrCat(field, ": surface area is ", area,
                      ", expected a positive, finite area"));
   }
-  return absl::OkStatus();
+  return CheckProportions(mesh, area, field);
 }
 
 }  // namespace isomatch

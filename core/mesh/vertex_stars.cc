@@ -3,6 +3,19 @@
 #include <algorithm>
 
 namespace isomatch {
+namespace {
+
+std::vector<VertexIndex> AtEvenSteps(absl::Span<const VertexIndex> all,
+                                     std::size_t most) {
+  std::vector<VertexIndex> some;
+  const std::size_t count = std::min(all.size(), most);
+  for (std::size_t i = 0; i < count; ++i) {
+    some.push_back(all[i * all.size() / count]);
+  }
+  return some;
+}
+
+}  // namespace
 
 VertexStars::VertexStars(const TriangleMesh& mesh) {
   const VertexIndex n = mesh.num_vertices();
@@ -31,6 +44,10 @@ VertexStars::VertexStars(const TriangleMesh& mesh) {
     around.erase(std::unique(around.begin(), around.end()), around.end());
     neighbors_.insert(neighbors_.end(), around.begin(), around.end());
     first_neighbor_.push_back(static_cast<std::int64_t>(neighbors_.size()));
+    if (std::max(Faces(v).size(), around.size()) > kSome) {
+      some_of_hubs_[v] = {AtEvenSteps(Faces(v), kSome),
+                          AtEvenSteps(around, kSome)};
+    }
   }
 }
 

@@ -1,6 +1,8 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <unordered_map>
 #include <vector>
 
 #include "absl/types/span.h"
@@ -25,7 +27,28 @@ class VertexStars {
     return Slice(neighbors_, first_neighbor_, v);
   }
 
+  /// Faces or neighbors that SomeFaces and SomeNeighbors return at most.
+  static constexpr std::size_t kSome = 256;
+
+  /// All faces or neighbors of a vertex; of more than kSome, so many at even
+  /// steps. What is done for every vertex around every vertex uses these, so
+  /// that a fan of n faces does not take n^2 steps.
+  absl::Span<const VertexIndex> SomeFaces(VertexIndex v) const {
+    const auto all = Faces(v);
+    return all.size() <= kSome ? all : some_of_hubs_.at(v).faces;
+  }
+  absl::Span<const VertexIndex> SomeNeighbors(VertexIndex v) const {
+    const auto all = Neighbors(v);
+    return all.size() <= kSome ? all : some_of_hubs_.at(v).neighbors;
+  }
+
  private:
+  /// Of a vertex with more than kSome faces or neighbors.
+  struct Hub {
+    std::vector<VertexIndex> faces;
+    std::vector<VertexIndex> neighbors;
+  };
+
   static absl::Span<const VertexIndex> Slice(
       const std::vector<VertexIndex>& all,
       const std::vector<std::int64_t>& first, VertexIndex v) {
@@ -36,6 +59,7 @@ class VertexStars {
   std::vector<VertexIndex> neighbors_;
   std::vector<std::int64_t> first_face_;
   std::vector<std::int64_t> first_neighbor_;
+  std::unordered_map<VertexIndex, Hub> some_of_hubs_;
 };
 
 }  // namespace isomatch

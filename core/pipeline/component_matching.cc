@@ -68,19 +68,21 @@ struct PartShape {
   Eigen::RowVector3d place;  ///< centre, in sizes of the whole
 };
 
-std::vector<PartShape> ShapesOf(const MeshParts& parts) {
+absl::StatusOr<std::vector<PartShape>> ShapesOf(const MeshParts& parts,
+                                                const std::stop_token& stop) {
   const double total =
       std::accumulate(parts.areas.begin(), parts.areas.end(), 0.0);
   std::vector<PartShape> shapes;
   const Eigen::RowVector3d center = parts.clean.mesh.positions.colwise().mean();
   for (std::size_t i = 0; i < parts.large.size(); ++i) {
     const Part part = ExtractPart(parts, static_cast<int>(i));
-    const DistanceFieldSolver solver(part.mesh);
+    const DistanceFieldSolver solver(part.mesh, stop);
     DistanceFieldSolver::Workspace workspace;
     std::vector<float> field(part.mesh.num_vertices());
     float longest = 0;
-    const auto points = FarthestPoints(solver, kExtremities, {});
-    for (const VertexIndex point : *points) {
+    ISOMATCH_ASSIGN_OR_RETURN(const std::vector<VertexIndex> points,
+                              FarthestPoints(solver, kExtremities, stop));
+    for (const VertexIndex point : points) {
       solver.Solve(point, field.data(), 1, &workspace);
       for (const float d : field) {
         if (d < kUnreachable) longest = std::max(longest, d);
@@ -314,11 +316,15 @@ absl::StatusOr<MeshParts> SplitIntoParts(const TriangleMesh& mesh,
   return parts;
 }
 
-std::vector<PartPair> PairParts(const MeshParts& parts_x,
-                                const MeshParts& parts_y,
-                                absl::Span<const Landmark> landmarks) {
-  const std::vector<PartShape> shapes_x = ShapesOf(parts_x);
-  const std::vector<PartShape> shapes_y = ShapesOf(parts_y);
+absl::StatusOr<std::vector<PartPair>> PairParts(
+    const MeshParts& parts_x, const MeshParts& parts_y,
+    absl::Span<const Landmark> landmarks, const std::stop_token& stop) {
+  ISOMATCH_ASSIGN_OR_RETURN(const std::vector<PartShape> shapes_x,
+                            ShapesOf(parts_x, stop));
+  ISOMATCH_ASSIGN_OR_RETURN(const std::vector<PartShape> shapes_y,
+                            ShapesOf(parts_y, stop));
+  // The last solve may have ended early.
+  ISOMATCH_RETURN_IF_ERROR(CheckNotCancelled(stop));
   std::vector<std::tuple<double, int, int>> costs;
   for (int x = 0; x < static_cast<int>(shapes_x.size()); ++x) {
     for (int y = 0; y < static_cast<int>(shapes_y.size()); ++y) {
@@ -360,7 +366,8 @@ absl::StatusOr<Correspondence> MatchByParts(
     const MatchOne& match_one, const ProgressCallback& progress,
     const std::stop_token& stop) {
   ISOMATCH_RETURN_IF_ERROR(CheckOnFaces(parts_x, parts_y, landmarks));
-  const std::vector<PartPair> pairs = PairParts(parts_x, parts_y, landmarks);
+  ISOMATCH_ASSIGN_OR_RETURN(const std::vector<PartPair> pairs,
+                            PairParts(parts_x, parts_y, landmarks, stop));
   Merger merger(mesh_x, parts_x, parts_y, landmarks);
   for (std::size_t i = 0; i < pairs.size(); ++i) {
     const Part x = ExtractPart(parts_x, pairs[i].x);

@@ -33,10 +33,10 @@ struct PartPair {
 /// Pairs large parts, each at most once, by what costs least: their fractions
 /// of the area, how long they are for their area, and, where those do not
 /// decide, where they lie in space. Landmarks between two parts go before all
-/// that. Time O(n).
-std::vector<PartPair> PairParts(const MeshParts& parts_x,
-                                const MeshParts& parts_y,
-                                absl::Span<const Landmark> landmarks);
+/// that. CANCELLED after `stop`. Time O(n).
+absl::StatusOr<std::vector<PartPair>> PairParts(
+    const MeshParts& parts_x, const MeshParts& parts_y,
+    absl::Span<const Landmark> landmarks, const std::stop_token& stop);
 
 /// Match of one part to one part.
 using MatchOne = std::function<absl::StatusOr<Correspondence>(

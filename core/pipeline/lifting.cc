@@ -166,7 +166,7 @@ absl::StatusOr<LiftedMap> LiftMap(const PreparedMesh& x, const PreparedMesh& y,
                             DescendFromMap(from, to, before, stop));
   ISOMATCH_RETURN_IF_ERROR(ParallelForVertices(n, stop, [&](VertexIndex v) {
     lifted.points[v] =
-        NearestOnFaces(y.full.mesh, y.full.stars.Faces(lifted.y_from_x[v]),
+        NearestOnFaces(y.full.mesh, y.full.stars.SomeFaces(lifted.y_from_x[v]),
                        laid_out.positions.row(v));
   }));
   return lifted;

@@ -271,7 +271,7 @@ void Reflect(PreparedMesh* prepared) {
 absl::StatusOr<GeodesicHash> HashGeodesics(
     const WorkingMesh& working, int num_points,
     const std::function<void(double)>& progress, const std::stop_token& stop) {
-  const DistanceFieldSolver solver(working.mesh);
+  const DistanceFieldSolver solver(working.mesh, stop);
   const int basis_count =
       BasisPoints::DefaultCount(working.mesh.num_vertices());
   GeodesicHash hash;

@@ -2,10 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <stop_token>
 #include <vector>
 
 #include <gtest/gtest.h>
 
+#include "core/mesh/clean_mesh.h"
+#include "tests/support/extreme_meshes.h"
 #include "tests/support/shapes.h"
 
 namespace isomatch {
@@ -143,6 +146,31 @@ TEST(LowerTest, GivesTheMinimumOverSources) {
   for (std::size_t v = 0; v < nearest.size(); ++v) {
     EXPECT_NEAR(nearest[v], expected[v], 0.01 * expected[v] + 1e-6);
   }
+}
+
+TEST(DistanceFieldSolverTest, EndsWhereRoundingMakesWaysEverShorter) {
+  // Slivers of an extent that single precision hardly holds: planes through
+  // them disagree, and sources in them came ever nearer.
+  const CleanMesh clean = Clean(RandomExtremeMesh(2 * 1916).mesh);
+  const DistanceFieldSolver solver(clean.mesh);
+  DistanceFieldSolver::Workspace workspace;
+  std::vector<float> nearest(clean.mesh.num_vertices(), kUnreachable);
+  for (VertexIndex v = 0; v < clean.mesh.num_vertices(); ++v) {
+    solver.Lower(v, absl::MakeSpan(nearest), &workspace);
+    EXPECT_EQ(nearest[v], 0);
+  }
+}
+
+TEST(DistanceFieldSolverTest, AStopEndsIt) {
+  std::stop_source stop;
+  const TriangleMesh mesh = UnitSphere(4);
+  const DistanceFieldSolver solver(mesh, stop.get_token());
+  DistanceFieldSolver::Workspace workspace;
+  std::vector<float> field(mesh.num_vertices());
+  stop.request_stop();
+  solver.Solve(0, field.data(), 1, &workspace);
+  EXPECT_EQ(field[0], 0);
+  EXPECT_EQ(*std::max_element(field.begin(), field.end()), kUnreachable);
 }
 
 }  // namespace

@@ -1,6 +1,7 @@
 #include "core/mesh/surface_samples.h"
 
 #include <algorithm>
+#include <limits>
 #include <utility>
 
 #include <gtest/gtest.h>
@@ -97,6 +98,19 @@ TEST(SurfaceSamplesTest, StopsWhenAsked) {
   EXPECT_THAT(
       NearestBySamples(x.points(), x.points(), 50, source.get_token()).status(),
       StatusIs(absl::StatusCode::kCancelled, testing::_));
+}
+
+TEST(SurfaceSamplesTest, DescentEndsWherePlacesAreNoNumbers) {
+  Placed y(UnitSphere(2));
+  Placed x(UnitSphere(2));
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  y.columns.col(5).setConstant(nan);
+  for (const VertexIndex start : {VertexIndex{0}, VertexIndex{5}}) {
+    EXPECT_NE(DescendOverEdges(x.points(), y.points(), 1, start, {}),
+              kNoVertex);
+  }
+  x.columns.setConstant(nan);
+  EXPECT_EQ(DescendOverEdges(x.points(), y.points(), 1, 3, {}), 3);
 }
 
 }  // namespace

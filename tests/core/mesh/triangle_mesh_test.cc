@@ -61,5 +61,40 @@ TEST(ValidateMeshTest, RefusesASurfaceWithoutArea) {
       StatusIs(kInvalid, HasSubstr("expected a positive, finite area")));
 }
 
+TEST(ValidateMeshTest, NamesAVertexTooManyEdgesAway) {
+  for (const double shift : {0.0, 1e9}) {
+    TriangleMesh mesh = UnitSphere(2);
+    mesh.positions.row(17) *= 1e5;
+    mesh.positions.array() += shift;
+    EXPECT_THAT(ValidateMesh(mesh, "mesh_x"), IsOk());
+    mesh.positions.row(17) *= 1e9;
+    EXPECT_THAT(ValidateMesh(mesh, "mesh_x"),
+                StatusIs(kInvalid, AllOf(HasSubstr("mesh_x: vertex 17 lies"),
+                                         HasSubstr("median edges"),
+                                         HasSubstr("expected at most 1e+07"))));
+  }
+}
+
+TEST(ValidateMeshTest, AFarVertexOnNoFaceDoesNotMatter) {
+  TriangleMesh mesh = UnitSphere(1);
+  mesh.positions.conservativeResize(mesh.num_vertices() + 1, Eigen::NoChange);
+  mesh.positions.bottomRows(1).setConstant(1e30);
+  EXPECT_THAT(ValidateMesh(mesh, "mesh_x"), IsOk());
+}
+
+TEST(ValidateMeshTest, RefusesASurfaceWithHardlyAnyAreaForItsExtent) {
+  TriangleMesh mesh = PlaneGrid(20, 1, 1, 1e-10);
+  EXPECT_THAT(ValidateMesh(mesh, "mesh_x"), IsOk());
+  mesh = PlaneGrid(20, 1, 1, 1e-14);
+  EXPECT_THAT(ValidateMesh(mesh, "mesh_x"),
+              StatusIs(kInvalid, HasSubstr("square root of the surface area")));
+}
+
+TEST(ValidateMeshTest, RefusesLengthsWhosePowersAreNoNumbers) {
+  EXPECT_THAT(ValidateMesh(Moved(Tetrahedron(), 1e60), "mesh_x"), IsOk());
+  EXPECT_THAT(ValidateMesh(Moved(Tetrahedron(), 1e72), "mesh_x"),
+              StatusIs(kInvalid, HasSubstr("expected at most 1e+70")));
+}
+
 }  // namespace
 }  // namespace isomatch

@@ -58,7 +58,9 @@ TEST(PartsTest, ArePairedBySizeAndLength) {
   const MeshParts x = Parts(Row({plane, strip, UnitSphere(2)}));
   const MeshParts y = Parts(Row({UnitSphere(2), strip, plane}));
   ASSERT_EQ(x.large.size(), 3u);
-  for (const PartPair& pair : PairParts(x, y, {})) {
+  const auto pairs = PairParts(x, y, {}, {});
+  ASSERT_THAT(pairs, IsOk());
+  for (const PartPair& pair : *pairs) {
     EXPECT_EQ(x.large[pair.x] + y.large[pair.y], 2);  // the row is reversed
   }
 }
@@ -66,11 +68,11 @@ TEST(PartsTest, ArePairedBySizeAndLength) {
 TEST(PartsTest, EqualOnesArePairedByPlaceUnlessLandmarksSayOtherwise) {
   const MeshParts parts =
       Parts(Row({UnitSphere(2), UnitSphere(2), UnitSphere(2)}));
-  EXPECT_EQ(YFromX(parts, PairParts(parts, parts, {})),
+  EXPECT_EQ(YFromX(parts, *PairParts(parts, parts, {}, {})),
             (std::map<int, int>{{0, 0}, {1, 1}, {2, 2}}));
   constexpr VertexIndex kEach = 162;
   const std::vector<Landmark> crossing = {{3, 2 * kEach + 3}};
-  EXPECT_EQ(YFromX(parts, PairParts(parts, parts, crossing)).at(0), 2);
+  EXPECT_EQ(YFromX(parts, *PairParts(parts, parts, crossing, {})).at(0), 2);
 }
 
 TEST(MatchByPartsTest, OneWithoutACounterpartFollowsAndIsReported) {
