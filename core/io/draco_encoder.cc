@@ -56,11 +56,25 @@ int AddAttribute(draco::GeometryAttribute::Type type, draco::DataType data_type,
                            mesh.num_points());
 }
 
-int AddPositions(const Positions& positions, draco::Mesh& mesh) {
+// The middle of the box around the vertices on faces.
+Eigen::RowVector3d MiddleOf(const TriangleMesh& mesh) {
+  Eigen::RowVector3d low = mesh.positions.row(mesh.faces(0, 0));
+  Eigen::RowVector3d high = low;
+  for (const VertexIndex corner : mesh.faces.reshaped()) {
+    low = low.cwiseMin(mesh.positions.row(corner));
+    high = high.cwiseMax(mesh.positions.row(corner));
+  }
+  return 0.5 * (low + high);
+}
+
+int AddPositions(const TriangleMesh& from, draco::Mesh& mesh) {
+  const Positions& positions = from.positions;
+  const Eigen::RowVector3d middle = MiddleOf(from);
   const int id = AddAttribute(draco::GeometryAttribute::POSITION,
                               draco::DT_FLOAT32, 3, mesh);
   for (Eigen::Index v = 0; v < positions.rows(); ++v) {
-    const Eigen::RowVector3f position = positions.row(v).cast<float>();
+    const Eigen::RowVector3f position =
+        (positions.row(v) - middle).cast<float>();
     mesh.attribute(id)->SetAttributeValue(
         draco::AttributeValueIndex(static_cast<std::uint32_t>(v)),
         position.data());
@@ -120,7 +134,7 @@ absl::StatusOr<EncodedMesh> EncodeDraco(const TriangleMesh& mesh,
   const VertexOrder order = ChooseOrder(mesh);
   draco::Mesh encoded;
   encoded.set_num_points(static_cast<std::uint32_t>(mesh.num_vertices()));
-  const int position_id = AddPositions(mesh.positions, encoded);
+  const int position_id = AddPositions(mesh, encoded);
   if (order == VertexOrder::kIdAttribute) AddVertexIds(encoded);
   AddFaces(mesh.faces, encoded);
   ISOMATCH_ASSIGN_OR_RETURN(

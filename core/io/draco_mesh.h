@@ -65,7 +65,9 @@ struct DracoOptions {
 /// Returns `mesh` compressed: edgebreaker with a vertex_id attribute when every
 /// vertex is on a face, else sequential, which keeps order and isolated
 /// vertices. Decoding gives every vertex its index back in either case.
-/// Coordinates are rounded to single precision.
+/// Coordinates are those from the middle of the mesh's bounding box, rounded to
+/// single precision: matching does not depend on where a mesh lies, and far
+/// from the origin, as georeferenced meshes are, little would be left of them.
 /// REQUIRES: ValidateMesh(mesh). INTERNAL when Draco refuses.
 absl::StatusOr<EncodedMesh> EncodeDraco(const TriangleMesh& mesh,
                                         const DracoOptions& options = {});

@@ -22,7 +22,14 @@ namespace {
 
 using testing::HasSubstr;
 
-TriangleMesh RoundedToFloat(TriangleMesh mesh) {
+// As encoding leaves it: about the middle of its box, in single precision.
+TriangleMesh AsEncoded(TriangleMesh mesh) {
+  const std::vector<VertexIndex> corners(mesh.faces.data(),
+                                         mesh.faces.data() + mesh.faces.size());
+  const Positions on_faces = mesh.positions(corners, Eigen::all);
+  const Eigen::RowVector3d middle =
+      0.5 * (on_faces.colwise().minCoeff() + on_faces.colwise().maxCoeff());
+  mesh.positions.rowwise() -= middle;
   mesh.positions = mesh.positions.cast<float>().cast<double>().eval();
   return mesh;
 }
@@ -56,7 +63,7 @@ VertexOrder ExpectRoundTrip(const TriangleMesh& mesh) {
       DecodeDraco(encoded->bytes, encoded->vertex_order, mesh.num_vertices());
   EXPECT_THAT(decoded, IsOk());
   if (!decoded.ok()) return VertexOrder::kDecoded;
-  EXPECT_EQ(decoded->positions, RoundedToFloat(mesh).positions);
+  EXPECT_EQ(decoded->positions, AsEncoded(mesh).positions);
   EXPECT_EQ(InTheirOrder(decoded->faces), SortedFaces(mesh.faces));
   return encoded->vertex_order;
 }
@@ -170,7 +177,7 @@ TEST(DracoMeshTest, MoreIsolatedVerticesThanSequentialHoldsStillCount) {
   ASSERT_THAT(decoded, IsOk());
   EXPECT_EQ(decoded->num_vertices(), 104);
   EXPECT_EQ(decoded->positions.topRows(4),
-            RoundedToFloat(mesh).positions.topRows(4));
+            AsEncoded(mesh).positions.topRows(4));
   EXPECT_EQ(InTheirOrder(decoded->faces), SortedFaces(mesh.faces));
 }
 
@@ -191,8 +198,21 @@ TEST(DracoMeshTest, QuantisedPositionsAreWithinTheirStep) {
   const double extent = (mesh.positions.colwise().maxCoeff() -
                          mesh.positions.colwise().minCoeff())
                             .maxCoeff();
-  EXPECT_LT((decoded->positions - mesh.positions).cwiseAbs().maxCoeff(),
-            extent / (1 << 13));
+  EXPECT_LT(
+      (decoded->positions - AsEncoded(mesh).positions).cwiseAbs().maxCoeff(),
+      extent / (1 << 13));
+}
+
+TEST(DracoMeshTest, WhereAMeshLiesDoesNotMatter) {
+  // Multiples of 2^-20, so that sums with the shift are exact.
+  TriangleMesh mesh = Shuffled(BumpySphere(3));
+  mesh.positions = (mesh.positions * (1 << 20)).array().round() / (1 << 20);
+  const absl::StatusOr<EncodedMesh> at_origin = EncodeDraco(mesh);
+  mesh.positions.rowwise() += Eigen::RowVector3d(500000, 4500000, 120);
+  const absl::StatusOr<EncodedMesh> far_away = EncodeDraco(mesh);
+  ASSERT_THAT(at_origin, IsOk());
+  ASSERT_THAT(far_away, IsOk());
+  EXPECT_TRUE(at_origin->bytes == far_away->bytes);
 }
 
 TEST(DracoMeshTest, AnotherVertexCountIsRefused) {
