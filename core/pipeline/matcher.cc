@@ -109,6 +109,20 @@ absl::Status PrepareContents(const std::array<ShapeContents, 2>& shapes,
   return status;
 }
 
+/// The last word on a whole map, whatever parts it was found in.
+void Judge(Correspondence* found) {
+  double sum = 0;
+  std::int64_t matched = 0;
+  for (std::size_t x = 0; x < found->confidence.size(); ++x) {
+    if (found->y_from_x[x] == kNoVertex) continue;
+    sum += found->confidence[x];
+    ++matched;
+  }
+  found->quality.mean_confidence =
+      matched == 0 ? 0 : sum / static_cast<double>(matched);
+  found->verdict = VerdictOf(*found);
+}
+
 template <typename T>
 absl::Status CheckSame(const std::string& field, const char* option, T found,
                        T expected) {
@@ -172,6 +186,7 @@ absl::StatusOr<Correspondence> MatchHere(const TriangleMesh& mesh_x,
         MatchParts(mesh_x, mesh_y, landmarks, plan.options, progress, stop);
   });
   if (result.ok()) {
+    Judge(&*result);
     result->warnings.insert(result->warnings.begin(), plan.warnings.begin(),
                             plan.warnings.end());
   }
@@ -262,6 +277,7 @@ absl::StatusOr<Correspondence> MatchPreparedHere(
                             : RunMatch(own_x.prepared, nullptr, own_y.prepared,
                                        landmarks, options, &reporter, stop);
   });
+  if (result.ok()) Judge(&*result);
   return result;
 }
 

@@ -18,6 +18,7 @@
 #include "core/mesh/triangle_mesh.h"
 #include "core/pipeline/match_options.h"
 #include "core/pipeline/precise_point.h"
+#include "core/pipeline/verdict.h"
 
 namespace isomatch {
 
@@ -114,6 +115,9 @@ struct MapQuality {
   double area_distortion = 0;
   /// Vertices of X without an image.
   int unmatched = 0;
+  /// Of the confidence of the vertices that have an image; 0 when there are
+  /// none.
+  double mean_confidence = 0;
 };
 
 /// What Match found.
@@ -127,6 +131,8 @@ struct Correspondence {
   /// 0 where there is none.
   std::vector<float> confidence;
   MapQuality quality;
+  /// What all that comes to.
+  Verdict verdict;
   MapScores scores;
   /// 0 to 1: how clearly this map is better than the distinct ones that came
   /// nearest to it; 1 when none came near.

@@ -1,5 +1,6 @@
 #include "tests/bench/accuracy.h"
 
+#include <array>
 #include <cstdio>
 #include <utility>
 
@@ -13,14 +14,15 @@ namespace {
 
 void PrintPair(const PairResult& result) {
   std::printf(
-      "%-24s %-24s %7d %7d %8.4f %8.4f  %-8s %7.2f  %+.2f  %.5f  %.2f\n",
+      "%-24s %-24s %7d %7d %8.4f %8.4f  %-8s %7.2f  %+.2f  %.5f  %.2f  "
+      "%s\n",
       result.name_x.c_str(), result.name_y.c_str(), result.vertices_x,
       result.vertices_y, result.direct(), result.best(),
       result.failed()     ? (result.mirrored() ? "MIRRORED" : "FAILED")
       : result.mirrored() ? "mirrored"
                           : "ok",
       result.seconds, result.orientation_score, result.embedding_error,
-      result.symmetry_confidence);
+      result.symmetry_confidence, VerdictName(result.verdict.level));
   std::fflush(stdout);
 }
 
@@ -55,6 +57,25 @@ void PrintConfidence(const std::vector<PairResult>& results) {
   std::printf("\n");
 }
 
+/// How often the verdict, which knows no truth, says what the truth says.
+void PrintVerdicts(const std::vector<PairResult>& results) {
+  constexpr double kRight = 0.03;
+  std::printf("\nverdict                    good  doubtful  bad\n");
+  const auto print = [&](const char* name, const auto& is_one) {
+    std::array<int, 3> counts = {};
+    for (const PairResult& result : results) {
+      if (!is_one(result.direct())) continue;
+      ++counts[static_cast<std::size_t>(result.verdict.level) - 1];
+    }
+    std::printf("  %-22s %6d %9d %4d\n", name, counts[0], counts[1], counts[2]);
+  };
+  print("error up to .03", [](double error) { return error <= kRight; });
+  print("error .03 to .1", [](double error) {
+    return error > kRight && error <= kFailed;
+  });
+  print("error above .1", [](double error) { return error > kFailed; });
+}
+
 nlohmann::json ToJson(const PairResult& result) {
   nlohmann::json stages = nlohmann::json::array();
   for (const StageError& stage : result.stages) {
@@ -74,6 +95,7 @@ nlohmann::json ToJson(const PairResult& result) {
           {"embedding_error", result.embedding_error},
           {"orientation_score", result.orientation_score},
           {"symmetry_confidence", result.symmetry_confidence},
+          {"verdict", VerdictName(result.verdict.level)},
           {"stages", std::move(stages)}};
 }
 
@@ -112,12 +134,13 @@ absl::Status RunAccuracy(const PairSelection& pairs,
       "diameter of Y\n",
       ProfileName(options.profile),
       static_cast<unsigned long long>(options.random_seed));
-  std::printf("%-24s %-24s %7s %7s %8s %8s  %-8s %7s  %s  %s  %s\n", "X", "Y",
-              "n_X", "n_Y", "direct", "best", "verdict", "seconds", "orient",
-              "Eq. 8", "symmetry");
+  std::printf("%-24s %-24s %7s %7s %8s %8s  %-8s %7s  %s  %s  %s  %s\n", "X", "Y",
+              "n_X", "n_Y", "direct", "best", "truth", "seconds", "orient",
+              "Eq. 8", "symmetry", "verdict");
   ISOMATCH_ASSIGN_OR_RETURN(const std::vector<PairResult> results,
                             RunPairs(pairs, options, PrintPair));
   PrintConfidence(results);
+  PrintVerdicts(results);
   PrintSummary(results);
   if (out_path.empty()) return absl::OkStatus();
   return WriteFileAtomically(out_path, ToJson(results, options).dump(2) + "\n");

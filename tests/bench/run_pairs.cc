@@ -56,6 +56,7 @@ absl::StatusOr<PairResult> RunPair(const MeshPair& pair, int true_landmarks,
                        found.scores.embedding_error,
                        found.scores.orientation_score,
                        found.symmetry_confidence,
+                       found.verdict,
                        {}};
   const GeodesicErrorMeter meter(pair.mesh_y);
   for (const StageMap& map : found.stage_maps) {

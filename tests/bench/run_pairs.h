@@ -39,6 +39,7 @@ struct PairResult {
   double embedding_error = 0;
   double orientation_score = 0;
   double symmetry_confidence = 0;
+  Verdict verdict;
   std::vector<RatedVertex> rated;  ///< vertices with a truth
 
   double direct() const { return stages.back().direct; }

@@ -1,0 +1,110 @@
+#include "core/pipeline/verdict.h"
+
+#include <cmath>
+
+#include "absl/strings/str_cat.h"
+#include "core/pipeline/matcher.h"
+
+namespace isomatch {
+namespace {
+
+// Measured on good and bad pairs: core/README.md, Verdict.
+constexpr double kBadConfidence = 0.45;
+constexpr double kGoodConfidence = 0.6;
+constexpr double kMostAreaDistortion = 0.6;
+constexpr double kLeastCoverage = 0.9;
+constexpr double kLeastSymmetryConfidence = 0.3;
+
+/// Of the areas of faces, where nearly all of a map is torn.
+constexpr double kTornAreaDistortion = 2;
+
+std::string Percent(double fraction) {
+  return absl::StrCat(static_cast<int>(std::lround(100 * fraction)), " %");
+}
+
+std::string Confidence(const Correspondence& found) {
+  return absl::StrCat("mean confidence ",
+                      std::round(100 * found.quality.mean_confidence) / 100);
+}
+
+bool IsCovered(const Correspondence& found) {
+  return found.quality.coverage >= kLeastCoverage;
+}
+
+std::string Uncovered(const Correspondence& found) {
+  return absl::StrCat("only ", Percent(found.quality.coverage),
+                      " of the area of Y has a counterpart");
+}
+
+std::string Stretched(const Correspondence& found) {
+  return absl::StrCat(
+      "faces change their area by a factor of ",
+      std::round(10 * std::exp(found.quality.area_distortion)) / 10,
+      " on average");
+}
+
+Verdict Bad(const Correspondence& found) {
+  Verdict bad = {VerdictLevel::kBad, Confidence(found), {}};
+  if (found.quality.area_distortion > kTornAreaDistortion) {
+    absl::StrAppend(&bad.reason, ", the map is torn");
+    bad.advice =
+        "look for faces that do not hang together, and weld vertices that lie "
+        "side by side";
+  } else if (!IsCovered(found)) {
+    absl::StrAppend(&bad.reason, ", ", Uncovered(found));
+    bad.advice =
+        "match whole shapes: a part against a whole is not found this way; or "
+        "give known matches as landmarks";
+  } else {
+    absl::StrAppend(&bad.reason, ", ", Stretched(found));
+    bad.advice =
+        "check that both are the same kind of shape and whole, or give known "
+        "matches as landmarks";
+  }
+  return bad;
+}
+
+Verdict Doubtful(std::string reason, std::string advice) {
+  return {VerdictLevel::kDoubtful, std::move(reason), std::move(advice)};
+}
+
+}  // namespace
+
+const char* VerdictName(VerdictLevel level) {
+  switch (level) {
+    case VerdictLevel::kGood:
+      return "good";
+    case VerdictLevel::kDoubtful:
+      return "doubtful";
+    case VerdictLevel::kBad:
+      return "bad";
+  }
+  return "unknown";
+}
+
+Verdict VerdictOf(const Correspondence& found) {
+  // What is not a number fails.
+  const MapQuality& quality = found.quality;
+  if (!(quality.mean_confidence >= kBadConfidence)) return Bad(found);
+  if (found.scores.orientation_score < 0) {
+    return Doubtful("the map is probably mirrored",
+                    "give known matches as landmarks, at least one on a limb");
+  }
+  if (found.symmetry_confidence < kLeastSymmetryConfidence) {
+    return Doubtful(
+        "another map, as a rule the mirrored one, fits nearly as well",
+        "look whether left and right are exchanged; one landmark on a limb "
+        "decides it");
+  }
+  const std::string look = "look at the map where confidence is low";
+  if (!IsCovered(found)) return Doubtful(Uncovered(found), look);
+  if (!(quality.area_distortion <= kMostAreaDistortion)) {
+    return Doubtful(Stretched(found), look);
+  }
+  if (!(quality.mean_confidence >= kGoodConfidence)) {
+    return Doubtful(Confidence(found), look);
+  }
+  return {VerdictLevel::kGood, Confidence(found), {}};
+}
+
+}  // namespace isomatch
