@@ -10,12 +10,17 @@ absl::Status BlobStore::PutWithin(std::int64_t tenant_limit, const BlobKey& key,
                                   std::string bytes, Keep keep) {
   if (tenant_limit == 0) return Put(key, std::move(bytes), keep);
   const auto size = static_cast<std::int64_t>(bytes.size());
-  MutexLock lock(put_within_);
+  MutexLock lock(PutWithinMutex(key.tenant));
   if (!MakeTenantRoom(key, size, tenant_limit)) {
     return absl::FailedPreconditionError(
         absl::StrCat("no room for ", size, " bytes within ", tenant_limit));
   }
   return Put(key, std::move(bytes), keep);
+}
+
+Mutex& BlobStore::PutWithinMutex(const std::string& tenant) {
+  MutexLock lock(mutex_);
+  return put_within_[tenant];
 }
 
 }  // namespace isomatch

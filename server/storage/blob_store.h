@@ -2,6 +2,7 @@
 
 #include <compare>
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <string>
 
@@ -75,8 +76,12 @@ class BlobStore {
   virtual std::int64_t size_bytes() const = 0;
 
  private:
-  /// From asking for room to having used it.
-  Mutex put_within_;
+  /// Returns the tenant's lock, which is held from asking for room to having
+  /// used it. Others need not wait for its disk.
+  Mutex& PutWithinMutex(const std::string& tenant);
+
+  Mutex mutex_;
+  std::map<std::string, Mutex> put_within_ ABSL_GUARDED_BY(mutex_);
 };
 
 }  // namespace isomatch

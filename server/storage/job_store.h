@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <map>
 #include <optional>
 #include <string>
@@ -28,7 +29,10 @@ struct JobFilter {
 
 /// Which terminal jobs stay.
 struct KeepLimits {
+  /// So many that have a result, and as many that have none; in all and of one
+  /// tenant.
   int max_jobs = 1000;
+  int max_jobs_per_tenant = std::numeric_limits<int>::max();
   /// Of the results together.
   std::int64_t max_result_bytes = std::int64_t{256} << 20;
   absl::Time ended_before = absl::InfinitePast();
@@ -64,10 +68,7 @@ class JobStore {
   /// Tries again to keep what could not be kept before.
   virtual void Flush() = 0;
 
-  /// Removes terminal jobs, the first that became so first: all that ended
-  /// before `limits.ended_before`, then until those that are left keep the
-  /// other limits; these never remove the last, however large its result.
-  /// Returns the removed.
+  /// Removes the terminal jobs that KeptJobs::Excess names and returns them.
   virtual std::vector<JobRecord> Prune(const KeepLimits& limits) = 0;
 };
 

@@ -17,13 +17,6 @@ absl::Status NotFound(const std::string& id) {
   return absl::NotFoundError(absl::StrCat("no job ", id));
 }
 
-std::int64_t ResultBytes(const JobRecord& record) {
-  std::int64_t bytes = 0;
-  if (!record.result) return bytes;
-  for (const StoredPart& part : record.result->parts) bytes += part.bytes;
-  return bytes;
-}
-
 bool HasLabels(const JobRecord& record,
                const std::map<std::string, std::string>& labels) {
   return std::includes(record.labels.begin(), record.labels.end(),
@@ -98,9 +91,8 @@ absl::StatusOr<JobRecord> MemoryJobStore::Update(JobRecord record) {
   MutexLock lock(mutex_);
   JobRecord& stored = records_.at(record.id);
   if (IsTerminal(record.state)) {
-    terminal_.emplace(record.sequence, record.id);
-    terminal_.erase(stored.sequence);
-    result_bytes_ += ResultBytes(record) - ResultBytes(stored);
+    terminal_.Add(record);
+    if (IsTerminal(stored.state)) terminal_.Remove(stored);
   }
   stored = std::move(copy);
   return record;
@@ -154,13 +146,13 @@ absl::StatusOr<JobRecord> MemoryJobStore::Delete(const std::string& id) {
 std::vector<JobRecord> MemoryJobStore::Prune(const KeepLimits& limits) {
   MutexLock writing(writer_mutex_);
   std::vector<JobRecord> removed;
+  std::vector<std::string> ids;
   {
     MutexLock lock(mutex_);
-    removed = Excess(limits);
+    ids = terminal_.Excess(limits);
+    for (const std::string& id : ids) removed.push_back(records_.at(id));
   }
   if (removed.empty()) return removed;
-  std::vector<std::string> ids;
-  for (const JobRecord& record : removed) ids.push_back(record.id);
   if (journal_ != nullptr) {
     const absl::Status status = journal_->Remove(ids);
     if (!status.ok()) {
@@ -176,23 +168,6 @@ std::vector<JobRecord> MemoryJobStore::Prune(const KeepLimits& limits) {
   return removed;
 }
 
-std::vector<JobRecord> MemoryJobStore::Excess(const KeepLimits& limits) const {
-  std::vector<JobRecord> excess;
-  size_t left = terminal_.size();
-  std::int64_t left_bytes = result_bytes_;
-  for (const auto& [sequence, id] : terminal_) {
-    const JobRecord& record = records_.at(id);
-    const bool too_much =
-        left > 1 && (left > static_cast<size_t>(limits.max_jobs) ||
-                     left_bytes > limits.max_result_bytes);
-    if (!too_much && record.end_time >= limits.ended_before) break;
-    --left;
-    left_bytes -= ResultBytes(record);
-    excess.push_back(record);
-  }
-  return excess;
-}
-
 void MemoryJobStore::Add(const JobRecord& record) {
   // First of all, so that what the tables name is there wherever memory ends.
   records_[record.id] = record;
@@ -200,19 +175,15 @@ void MemoryJobStore::Add(const JobRecord& record) {
   if (!record.request_id.empty()) {
     by_request_[{record.tenant, record.request_id}] = record.id;
   }
-  if (IsTerminal(record.state)) {
-    terminal_[record.sequence] = record.id;
-    result_bytes_ += ResultBytes(record);
-  }
+  if (IsTerminal(record.state)) terminal_.Add(record);
 }
 
 void MemoryJobStore::Remove(const std::string& id) {
   const auto position = records_.find(id);
   const JobRecord& record = position->second;
   by_number_.erase(record.number);
-  terminal_.erase(record.sequence);
+  if (IsTerminal(record.state)) terminal_.Remove(record);
   by_request_.erase({record.tenant, record.request_id});
-  result_bytes_ -= ResultBytes(record);
   records_.erase(position);
 }
 

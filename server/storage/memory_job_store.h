@@ -13,6 +13,7 @@
 #include "core/base/mutex.h"
 #include "server/storage/job_journal.h"
 #include "server/storage/job_store.h"
+#include "server/storage/kept_jobs.h"
 
 namespace isomatch {
 
@@ -55,10 +56,6 @@ class MemoryJobStore : public JobStore {
   /// Removes the job from all tables.
   void Remove(const std::string& id) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
-  /// Terminal jobs beyond the limits.
-  std::vector<JobRecord> Excess(const KeepLimits& limits) const
-      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-
   /// Writes the records, and those that could not be written before.
   absl::Status WriteJournal(std::vector<JobRecord> records)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(writer_mutex_);
@@ -78,11 +75,8 @@ class MemoryJobStore : public JobStore {
   Records records_ ABSL_GUARDED_BY(mutex_);
   /// Number -> id.
   std::map<std::uint64_t, std::string> by_number_ ABSL_GUARDED_BY(mutex_);
-  /// Sequence of the terminal change -> id.
-  std::map<std::uint64_t, std::string> terminal_ ABSL_GUARDED_BY(mutex_);
+  KeptJobs terminal_ ABSL_GUARDED_BY(mutex_);
   std::map<RequestKey, std::string> by_request_ ABSL_GUARDED_BY(mutex_);
-  /// Of all terminal jobs.
-  std::int64_t result_bytes_ ABSL_GUARDED_BY(mutex_) = 0;
 };
 
 }  // namespace isomatch
