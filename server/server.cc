@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <functional>
+#include <limits>
 #include <mutex>
 #include <thread>
 #include <utility>
@@ -31,6 +32,7 @@
 #include "server/rpc/call_interceptor.h"
 #include "server/rpc/correspondence_service.h"
 #include "server/rpc/server_credentials.h"
+#include "server/server_limits.h"
 #include "server/stores.h"
 
 namespace isomatch {
@@ -63,54 +65,14 @@ std::function<void(const absl::Status&)> ReloadLogger(const char* what) {
 /// Null when the configuration asks for no keys.
 absl::StatusOr<std::unique_ptr<ApiKeys>> OpenKeys(const ServerConfig& config) {
   if (config.api_keys.empty()) return nullptr;
-  return ApiKeys::Open(config.api_keys, absl::Now, ReloadLogger("API keys"));
+  return ApiKeys::Open(config.api_keys, absl::Now, ReloadLogger("API keys"),
+                       config.max_priority);
 }
 
 int ChooseThreads(const ServerConfig& config) {
   if (config.threads_per_job > 0) return config.threads_per_job;
   const int cores = static_cast<int>(std::thread::hardware_concurrency());
   return std::max(1, cores / config.workers);
-}
-
-/// Of running jobs and prepared meshes together.
-std::int64_t ChooseBudgetBytes(const ServerConfig& config) {
-  return ChooseMemoryBudget(config.memory_budget_bytes, AvailableMemoryBytes());
-}
-
-std::int64_t ChoosePreparedCacheBytes(const ServerConfig& config) {
-  return std::min(config.prepared_cache_bytes, ChooseBudgetBytes(config) / 4);
-}
-
-// What is held beside the budget: unfinished uploads, requests, and the meshes
-// that CreateJob decodes, for one request at a time (a job that starts decodes
-// them within its reservation). Seven thirty-seconds of the budget together;
-// ChooseMemoryBudget leaves eight at least, the last for the process itself.
-
-std::int64_t RequestBytes(const ServerConfig& config) {
-  return std::min(config.blob_store_bytes / 2, ChooseBudgetBytes(config) / 32);
-}
-
-std::int64_t UploadBytes(const ServerConfig& config) {
-  return std::min(config.blob_store_bytes / 2, ChooseBudgetBytes(config) / 16);
-}
-
-std::int64_t ReadingBytes(const ServerConfig& config) {
-  return ChooseBudgetBytes(config) / 8;
-}
-
-RequestLimits MakeRequestLimits(const ServerConfig& config) {
-  RequestLimits limits;
-  // What never has room is refused as too large, and nobody waits for it.
-  limits.max_request_bytes =
-      std::min(config.max_request_bytes, RequestBytes(config));
-  // A chunk is a request, too.
-  limits.max_chunk_bytes = std::clamp<std::int64_t>(
-      limits.max_request_bytes / 2, 1, limits.max_chunk_bytes);
-  limits.max_mesh_bytes = std::min(config.max_mesh_bytes, UploadBytes(config));
-  limits.max_bytes_per_tenant = config.max_bytes_per_tenant;
-  limits.max_queued_jobs = config.max_queued_jobs;
-  limits.max_reading_bytes = ReadingBytes(config);
-  return limits;
 }
 
 /// Null when there is to be no endpoint.
@@ -205,13 +167,19 @@ class Server::Impl {
   const Stores stores_;
   PreparedCache prepared_;
   MemoryBudget budget_;
-  MemoryBudget requests_;
-  MemoryBudget uploads_;
+  MemoryBudget request_bytes_;
+  TenantBudgets requests_;
+  MemoryBudget upload_bytes_;
+  TenantBudgets uploads_;
+  /// Counts calls, not bytes.
+  MemoryBudget all_upload_calls_{std::numeric_limits<std::int64_t>::max()};
+  TenantBudgets upload_calls_;
   const JobRunner runner_;
   // Joined in ~Impl, in the reverse order of who calls whom.
   std::unique_ptr<ThreadPool> workers_;
   std::unique_ptr<ThreadPool> timers_;
   std::unique_ptr<ThreadPool> intake_;
+  TenantTurns intake_turns_;
   std::unique_ptr<ThreadPool> disk_;
   PartialUploads partial_uploads_;
   JobManager manager_;
@@ -232,13 +200,18 @@ Server::Impl::Impl(const ServerConfig& config, MatchEngine engine,
       stores_(std::move(stores)),
       prepared_(ChoosePreparedCacheBytes(config), stores_.prepared.get()),
       budget_(ChooseBudgetBytes(config) - ChoosePreparedCacheBytes(config)),
-      requests_(RequestBytes(config)),
-      uploads_(UploadBytes(config)),
+      request_bytes_(RequestBytes(config)),
+      requests_(&request_bytes_, TenantLimitsOf(config).request_bytes),
+      upload_bytes_(UploadBytes(config)),
+      uploads_(&upload_bytes_, TenantLimitsOf(config).upload_bytes),
+      upload_calls_(&all_upload_calls_, TenantLimitsOf(config).uploads),
       runner_(std::move(engine), absl::Now,
               config.prepared_cache_bytes > 0 ? &prepared_ : nullptr),
       workers_(std::make_unique<ThreadPool>(config.workers)),
       timers_(std::make_unique<ThreadPool>(1)),
-      intake_(std::make_unique<ThreadPool>(1)),
+      intake_(std::make_unique<ThreadPool>(IntakeThreads(config))),
+      intake_turns_({.max_waiting_per_tenant = TenantLimitsOf(config).requests},
+                    intake_.get()),
       disk_(std::make_unique<ThreadPool>(1)),
       partial_uploads_(&uploads_, timers_.get(), config.partial_upload_kept),
       manager_(MakeJobLimits(), MakeJobParts()),
@@ -259,10 +232,7 @@ JobManager::Limits Server::Impl::MakeJobLimits() const {
   JobManager::Limits limits;
   limits.workers = config_.workers;
   limits.max_queued_jobs = config_.max_queued_jobs;
-  limits.max_queued_jobs_per_tenant = config_.max_queued_jobs_per_tenant == 0
-                                          ? config_.max_queued_jobs
-                                          : config_.max_queued_jobs_per_tenant;
-  limits.max_bytes_per_tenant = config_.max_bytes_per_tenant;
+  limits.tenant = TenantLimitsOf(config_);
   limits.max_kept_jobs = config_.max_kept_jobs;
   limits.job_retention = config_.job_retention;
   limits.durable = config_.is_durable();
@@ -331,7 +301,8 @@ ServiceContext Server::Impl::MakeContext() {
   context.budget = &budget_;
   context.requests = &requests_;
   context.partial_uploads = &partial_uploads_;
-  context.intake = intake_.get();
+  context.uploads = &upload_calls_;
+  context.intake = &intake_turns_;
   context.disk = disk_.get();
   context.metrics = &metrics_;
   context.parse = {stores_.blobs.get(), &runner_, MakeRequestLimits(config_),

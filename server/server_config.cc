@@ -138,9 +138,16 @@ absl::Status ServerConfig::Validate() const {
       "--prepared-store-bytes", prepared_store_bytes, kPreparedCacheBytes));
   ISOMATCH_RETURN_IF_ERROR(
       CheckCount("--max-queued-jobs", max_queued_jobs, kMaxQueuedJobs));
-  ISOMATCH_RETURN_IF_ERROR(CheckCount("--max-queued-jobs-per-tenant",
-                                      max_queued_jobs_per_tenant,
-                                      kMaxQueuedJobsPerTenant));
+  for (const auto& [field, value] :
+       {std::pair("--max-queued-jobs-per-tenant", max_queued_jobs_per_tenant),
+        std::pair("--max-running-jobs-per-tenant", max_running_jobs_per_tenant),
+        std::pair("--max-kept-jobs-per-tenant", max_kept_jobs_per_tenant),
+        std::pair("--max-uploads-per-tenant", max_uploads_per_tenant),
+        std::pair("--max-requests-per-tenant", max_requests_per_tenant)}) {
+    ISOMATCH_RETURN_IF_ERROR(CheckCount(field, value, kPerTenant));
+  }
+  ISOMATCH_RETURN_IF_ERROR(
+      CheckCount("--max-priority", max_priority, kMaxPriority));
   ISOMATCH_RETURN_IF_ERROR(CheckBytesOfHalf("--max-request-bytes",
                                             max_request_bytes, kMaxRequestBytes,
                                             blob_store_bytes));

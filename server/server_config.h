@@ -79,11 +79,20 @@ struct ServerConfig {
   /// Jobs that may wait.
   static constexpr IntRange kMaxQueuedJobs = {1, 100'000};
   int max_queued_jobs = 100;
-  /// Of one tenant; 0 for no limit of its own.
-  static constexpr IntRange kMaxQueuedJobsPerTenant = {0, 100'000};
+  // Of one tenant. 0 stands for no limit of its own, unless there are API keys:
+  // then for the share that TenantLimitsOf gives.
+
+  static constexpr IntRange kPerTenant = {0, 1'000'000};
   int max_queued_jobs_per_tenant = 0;
-  /// Bytes of one tenant's meshes, requests and results; 0 for no limit of its
-  /// own, else room for one job at least: 2 max_mesh_bytes + max_request_bytes.
+  int max_running_jobs_per_tenant = 0;
+  int max_kept_jobs_per_tenant = 0;
+  int max_uploads_per_tenant = 0;
+  int max_requests_per_tenant = 0;
+  /// How far priorities count among tenants, for keys that do not say it.
+  static constexpr IntRange kMaxPriority = {0, 100};
+  int max_priority = 0;
+  /// Bytes of its meshes, requests and results: 0, or room for one job at
+  /// least, 2 max_mesh_bytes + max_request_bytes.
   static constexpr IntRange kMaxTenantBytes = {0, std::int64_t{1} << 50};
   std::int64_t max_bytes_per_tenant = 0;
   /// One request message. At most blob_store_bytes / 2.
@@ -105,7 +114,8 @@ struct ServerConfig {
                                                  absl::Hours(1)};
   /// A watcher hears from its job at least this often.
   absl::Duration watch_heartbeat = absl::Seconds(10);
-  /// An upload that brings less than 1 KiB a second over this time is dropped.
+  /// An upload that brings less than 1 KiB a second over this time, or too
+  /// little to be whole within an hour, is dropped.
   absl::Duration upload_idle_timeout = absl::Seconds(30);
   /// What an upload that broke off has brought is kept for this long, so that
   /// it can go on there.

@@ -161,19 +161,10 @@ void AddLimitFlags(FlagSet& flags, ServerConfig& config) {
   flags.AddCount("--max-queued-jobs", config.max_queued_jobs,
                  ServerConfig::kMaxQueuedJobs,
                  "Jobs that may wait; more are refused with QUEUE_FULL");
-  flags.AddCount("--max-queued-jobs-per-tenant",
-                 config.max_queued_jobs_per_tenant,
-                 ServerConfig::kMaxQueuedJobsPerTenant,
-                 "Of one tenant, TENANT_QUOTA; 0 for no limit of its own");
-  flags.AddBytes(
-      "--max-bytes-per-tenant", config.max_bytes_per_tenant,
-      ServerConfig::kMaxTenantBytes,
-      "Meshes, requests and results of one tenant, STORAGE_QUOTA for "
-      "what comes on top; 0 for no limit of its own, else at "
-      "least twice --max-mesh-bytes and --max-request-bytes");
   flags.AddCount("--max-kept-jobs", config.max_kept_jobs,
                  ServerConfig::kMaxKeptJobs,
-                 "Ended jobs that are remembered; the oldest go first");
+                 "Ended jobs with a result that are remembered, and as many "
+                 "without; of who has most the oldest goes first");
   flags.AddBytes("--max-request-bytes", config.max_request_bytes,
                  ServerConfig::kMaxRequestBytes,
                  "Largest request, up to half of --blob-store-bytes; larger "
@@ -181,6 +172,35 @@ void AddLimitFlags(FlagSet& flags, ServerConfig& config) {
   flags.AddBytes("--max-mesh-bytes", config.max_mesh_bytes,
                  ServerConfig::kMaxMeshBytes,
                  "Largest uploaded mesh, up to half of --blob-store-bytes");
+}
+
+void AddTenantFlags(FlagSet& flags, ServerConfig& config) {
+  flags.BeginGroup("Limits of one tenant (with --api-keys)");
+  flags.AddCount("--max-queued-jobs-per-tenant",
+                 config.max_queued_jobs_per_tenant, ServerConfig::kPerTenant,
+                 "Jobs that wait, TENANT_QUOTA; 0 is half of all");
+  flags.AddCount("--max-running-jobs-per-tenant",
+                 config.max_running_jobs_per_tenant, ServerConfig::kPerTenant,
+                 "Jobs that run; 0 is three quarters of --workers, rounded up");
+  flags.AddBytes(
+      "--max-bytes-per-tenant", config.max_bytes_per_tenant,
+      ServerConfig::kMaxTenantBytes,
+      "Meshes, requests and results, STORAGE_QUOTA for what comes on "
+      "top; 0 is half of --blob-store-bytes. At least twice "
+      "--max-mesh-bytes and --max-request-bytes");
+  flags.AddCount("--max-kept-jobs-per-tenant", config.max_kept_jobs_per_tenant,
+                 ServerConfig::kPerTenant,
+                 "Ended jobs that are remembered; 0 is half of all");
+  flags.AddCount("--max-uploads-per-tenant", config.max_uploads_per_tenant,
+                 ServerConfig::kPerTenant,
+                 "Uploads at a time, UPLOAD_QUOTA; 0 is 16");
+  flags.AddCount("--max-requests-per-tenant", config.max_requests_per_tenant,
+                 ServerConfig::kPerTenant,
+                 "CreateJob calls that wait to be read, TENANT_QUOTA; 0 is 32");
+  flags.AddCount("--max-priority", config.max_priority,
+                 ServerConfig::kMaxPriority,
+                 "How far priorities count among tenants, where the line of a "
+                 "key has no max-priority=N");
 }
 
 void AddOperationFlags(FlagSet& flags, ServerConfig& config) {
@@ -194,7 +214,8 @@ void AddOperationFlags(FlagSet& flags, ServerConfig& config) {
   flags.AddDuration("--upload-idle-timeout", config.upload_idle_timeout,
                     ServerConfig::kStreamTimes,
                     "An upload that brings less than 1 KiB a second over this "
-                    "time is dropped");
+                    "time, or too little to be whole within an hour, is "
+                    "dropped");
   flags.AddDuration("--partial-upload-kept", config.partial_upload_kept,
                     ServerConfig::kPartialUploadKept,
                     "An upload that broke off can go on within this time");
@@ -258,6 +279,7 @@ std::optional<int> ParseServerFlags(int argc, const char* const* argv,
   AddResourceFlags(flags, command.config);
   AddStorageFlags(flags, command.config);
   AddLimitFlags(flags, command.config);
+  AddTenantFlags(flags, command.config);
   AddOperationFlags(flags, command.config);
   Actions actions;
   AddActions(app, actions);

@@ -20,6 +20,8 @@ absl::Status MeshUpload::Take(const v1::UploadMeshRequest& request) {
   } else {
     taken = UploadMalformed("an empty message, expected header or chunk");
   }
+  // What has come may go on when there is room again.
+  if (absl::IsResourceExhausted(taken)) BreakOff();
   if (!taken.ok()) stage_ = Stage::kOver;
   return taken;
 }
@@ -47,14 +49,16 @@ absl::Status MeshUpload::ContinueAt(std::uint64_t offset) {
   const auto size = static_cast<std::int64_t>(digest_.size_bytes());
   kept.bytes.resize(offset);
   kept.reservation.ShrinkTo(begin);
-  auto room = parts_.partials->Reserve(size - begin);
+  // Only looked for, so that the client need not send what has no room now:
+  // what it says it will send takes no room from others.
+  const absl::Status room =
+      parts_.partials->CheckRoom(key_.tenant, size - begin);
   if (!room.ok()) {
     parts_.partials->Keep(key_, std::move(kept));
-    return room.status();
+    return room;
   }
   received_ = std::move(kept);
-  received_.reservation.Merge(*std::move(room));
-  received_.bytes.reserve(digest_.size_bytes());
+  received_.bytes.reserve(digest_.size_bytes());  // addresses, not memory yet
   sha256_.Update(received_.bytes);
   return absl::OkStatus();
 }
@@ -73,6 +77,11 @@ absl::Status MeshUpload::Append(const std::string& chunk) {
     return UploadMalformed(absl::StrCat(
         "more bytes than the ", digest_.size_bytes(), " that the header says"));
   }
+  ISOMATCH_ASSIGN_OR_RETURN(
+      MemoryBudget::Reservation room,
+      parts_.partials->Reserve(key_.tenant,
+                               static_cast<std::int64_t>(chunk.size())));
+  received_.reservation.Merge(std::move(room));
   sha256_.Update(chunk);
   received_.bytes += chunk;
   return absl::OkStatus();
@@ -95,7 +104,7 @@ absl::Status MeshUpload::Store() {
   const std::string found = sha256_.HexDigest();
   if (found != key_.sha256) return DigestMismatch(key_.sha256, found);
   const auto size = static_cast<std::int64_t>(digest_.size_bytes());
-  const std::int64_t most = parts_.limits.max_bytes_per_tenant;
+  const std::int64_t most = parts_.limits.tenant.stored_bytes;
   const absl::Status put = parts_.blobs->PutWithin(
       most, key_, std::move(received_.bytes), Keep::kWhileRoom);
   if (put.ok()) return put;

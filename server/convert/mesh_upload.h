@@ -19,7 +19,8 @@ namespace isomatch {
 ///    +── header of a mesh that the server has: known() ──────────────+
 ///
 /// An error leads to OVER too, and nothing is kept: except when End finds too
-/// few bytes, since it looks alike when a stream ends and when it is lost.
+/// few bytes, since it looks alike when a stream ends and when it is lost, and
+/// when there is no room for the next chunk.
 ///
 /// Not thread-safe.
 class MeshUpload {
@@ -69,7 +70,7 @@ class MeshUpload {
   Stage stage_ = Stage::kNew;
   bool known_ = false;
   v1::Digest digest_;
-  /// What has come, with room for the whole mesh.
+  /// What has come, with room for that.
   PartialUpload received_;
   /// Of the same bytes.
   Sha256 sha256_;

@@ -4,6 +4,8 @@
 #include <limits>
 
 #include "core/io/draco_mesh.h"
+#include "server/jobs/caller.h"
+#include "server/jobs/tenant_limits.h"
 
 namespace isomatch {
 
@@ -12,8 +14,7 @@ struct RequestLimits {
   std::int64_t max_request_bytes = std::int64_t{4} << 20;
   std::int64_t max_chunk_bytes = std::int64_t{1} << 20;
   std::int64_t max_mesh_bytes = std::int64_t{256} << 20;
-  /// 0 for no limit.
-  std::int64_t max_bytes_per_tenant = 0;
+  TenantLimits tenant;
   int max_landmarks = 10'000;
   int max_queued_jobs = 100;
   DracoLimits draco;
@@ -25,7 +26,7 @@ struct RequestLimits {
   static constexpr int kMaxPageSize = 1000;
   static constexpr int kDefaultPageSize = 100;
   static constexpr int kMaxThreads = 1024;
-  static constexpr int kMaxPriority = 100;
+  static constexpr int kMaxPriority = kMostPriority;
   static constexpr size_t kMaxRequestIdBytes = 128;
   static constexpr size_t kMaxLabels = 16;
   static constexpr size_t kMaxLabelKeyBytes = 63;

@@ -14,6 +14,9 @@ enum class Role {
   kAdmin,   ///< the same with the jobs of every tenant
 };
 
+/// The highest priority of a job; the lowest is -kMostPriority.
+inline constexpr int kMostPriority = 100;
+
 /// Who calls. Without API keys everybody is the default.
 struct Caller {
   /// Whose jobs, meshes and results it sees: 1 to 63 of a-z, 0-9, - and _.
@@ -21,6 +24,8 @@ struct Caller {
   Role role = Role::kAdmin;
   /// Of the call, for the log; empty when it is not known.
   std::string call_id{};
+  /// How far the priorities of its jobs count among tenants.
+  int max_priority = kMostPriority;
 };
 
 /// read, submit or admin; the inverse returns nullopt for anything else.

@@ -174,6 +174,17 @@ absl::Status TenantQuota(const std::string& tenant, std::int64_t queued_jobs,
       retry_after);
 }
 
+absl::Status TenantRequestsQuota(const std::string& tenant,
+                                 std::int64_t requests,
+                                 absl::Duration retry_after) {
+  return WithRetry(
+      Make(absl::StatusCode::kResourceExhausted, "TENANT_QUOTA",
+           absl::StrCat(requests, " requests of ", tenant,
+                        " wait to be read, no more may at a time"),
+           {{"tenant", tenant}, {"requests", absl::StrCat(requests)}}),
+      retry_after);
+}
+
 absl::Status StorageFailed(const absl::Status& problem) {
   const absl::StatusCode code = absl::IsResourceExhausted(problem)
                                     ? problem.code()
@@ -203,6 +214,30 @@ absl::Status UploadQuota(std::int64_t size_bytes, absl::Duration retry_after) {
                         absl::StrCat("no room for ", size_bytes, " bytes now"),
                         {{"size_bytes", absl::StrCat(size_bytes)}}),
                    retry_after);
+}
+
+absl::Status TenantUploadQuota(const std::string& tenant,
+                               std::int64_t size_bytes,
+                               std::int64_t limit_bytes,
+                               absl::Duration retry_after) {
+  return WithRetry(
+      Make(absl::StatusCode::kResourceExhausted, "UPLOAD_QUOTA",
+           absl::StrCat("no room for ", size_bytes, " bytes now: what ", tenant,
+                        " has under way may have ", limit_bytes),
+           {{"tenant", tenant},
+            {"size_bytes", absl::StrCat(size_bytes)},
+            {"limit_bytes", absl::StrCat(limit_bytes)}}),
+      retry_after);
+}
+
+absl::Status TenantUploadsQuota(const std::string& tenant, std::int64_t uploads,
+                                absl::Duration retry_after) {
+  return WithRetry(
+      Make(absl::StatusCode::kResourceExhausted, "UPLOAD_QUOTA",
+           absl::StrCat(uploads, " uploads of ", tenant,
+                        " are under way, no more may at a time"),
+           {{"tenant", tenant}, {"uploads", absl::StrCat(uploads)}}),
+      retry_after);
 }
 
 absl::Status OutOfMemory(absl::string_view message) {
@@ -271,8 +306,10 @@ absl::Status RunTimeout(absl::Duration limit) {
   return Timeout("RUN_TIMEOUT", "the job ran", limit);
 }
 
-absl::Status UploadIdle(absl::Duration limit) {
-  return Timeout("UPLOAD_IDLE", "the upload sent less than 1 KiB a second",
+absl::Status UploadIdle(absl::Duration limit, std::int64_t bytes_per_second) {
+  return Timeout("UPLOAD_IDLE",
+                 absl::StrCat("the upload sent less than ", bytes_per_second,
+                              " bytes a second"),
                  limit);
 }
 

@@ -46,9 +46,18 @@ absl::Status DigestMismatch(const std::string& expected,
 absl::Status QueueFull(std::int64_t queued_jobs, absl::Duration retry_after);
 absl::Status TenantQuota(const std::string& tenant, std::int64_t queued_jobs,
                          absl::Duration retry_after);
+absl::Status TenantRequestsQuota(const std::string& tenant,
+                                 std::int64_t requests,
+                                 absl::Duration retry_after);
 absl::Status StorageQuota(const std::string& tenant, std::int64_t size_bytes,
                           std::int64_t limit_bytes);
 absl::Status UploadQuota(std::int64_t size_bytes, absl::Duration retry_after);
+absl::Status TenantUploadQuota(const std::string& tenant,
+                               std::int64_t size_bytes,
+                               std::int64_t limit_bytes,
+                               absl::Duration retry_after);
+absl::Status TenantUploadsQuota(const std::string& tenant, std::int64_t uploads,
+                                absl::Duration retry_after);
 /// RESOURCE_EXHAUSTED if `problem` is, else UNAVAILABLE.
 absl::Status StorageFailed(const absl::Status& problem);
 absl::Status OutOfMemory(
@@ -71,9 +80,10 @@ absl::Status Draining(absl::Duration retry_after);  // UNAVAILABLE
 absl::Status CrashedRepeatedly(int attempts);       // INTERNAL
 absl::Status ContentLost(const std::string& id,     // DATA_LOSS
                          const std::string& what);
-absl::Status QueueTimeout(absl::Duration limit);       // DEADLINE_...
-absl::Status RunTimeout(absl::Duration limit);         // DEADLINE_...
-absl::Status UploadIdle(absl::Duration limit);         // DEADLINE_...
+absl::Status QueueTimeout(absl::Duration limit);  // DEADLINE_...
+absl::Status RunTimeout(absl::Duration limit);    // DEADLINE_...
+absl::Status UploadIdle(absl::Duration limit,     // DEADLINE_...
+                        std::int64_t bytes_per_second);
 absl::Status JobNotFound(const std::string& id);       // NOT_FOUND
 absl::Status ResultPartMissing(const std::string& id,  // NOT_FOUND
                                ResultPart part);

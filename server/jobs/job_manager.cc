@@ -64,7 +64,7 @@ JobManager::JobManager(const Limits& limits, const Parts& parts)
              [this](const std::string& id) {
                (void)Stop(id, JobState::kCancelled);
              }),
-      queue_(limits.max_passes) {}
+      queue_(limits.max_passes, limits.tenant.running_jobs) {}
 
 // Asking.
 
@@ -180,7 +180,7 @@ absl::Status JobManager::CheckPlaceLocked(const std::string& tenant) const {
   }
   const int own =
       queue_.CountOf(tenant) + static_cast<int>(arriving_.count(tenant));
-  if (own >= limits_.max_queued_jobs_per_tenant) {
+  if (own >= limits_.tenant.queued_jobs) {
     return TenantQuota(tenant, own, kRetryQueueFull);
   }
   return absl::OkStatus();
@@ -217,6 +217,7 @@ JobRecord JobManager::NewRecord(const Caller& caller,
   record.request_id = spec.request_id;
   record.request_sha256 = spec.request_sha256;
   record.priority = spec.priority;
+  record.shared_priority = std::min(spec.priority, caller.max_priority);
   record.cancel_when_unwatched = spec.cancel_when_unwatched;
   record.queue_timeout = spec.queue_timeout;
   record.run_timeout = spec.run_timeout;
@@ -289,11 +290,10 @@ absl::Status JobManager::StoreInput(const std::string& tenant,
     return MeshMissing("digest", input.sha256);  // it went since it was read
   }
   const auto size = static_cast<std::int64_t>(input.bytes->size());
-  const absl::Status put =
-      parts_.blobs->PutWithin(limits_.max_bytes_per_tenant, key,
-                              *std::move(input.bytes), Keep::kPinned);
+  const absl::Status put = parts_.blobs->PutWithin(
+      limits_.tenant.stored_bytes, key, *std::move(input.bytes), Keep::kPinned);
   if (absl::IsFailedPrecondition(put)) {
-    return StorageQuota(tenant, size, limits_.max_bytes_per_tenant);
+    return StorageQuota(tenant, size, limits_.tenant.stored_bytes);
   }
   return put.ok() ? put : StorageFailed(put);
 }
@@ -303,6 +303,7 @@ void JobManager::Enqueue(const JobRecord& record) {
   live->id = record.id;
   live->tenant = record.tenant;
   live->priority = record.priority;
+  live->shared_priority = record.shared_priority;
   live->memory_estimate_bytes = record.memory_estimate_bytes;
   if (const auto limit = record.queue_timeout) {
     const absl::Duration left = record.create_time + *limit - parts_.now();
@@ -443,6 +444,7 @@ void JobManager::UnpinInputs(const JobRecord& record) {
 void JobManager::Prune() {
   Forget(parts_.jobs->Prune(
       {.max_jobs = limits_.max_kept_jobs,
+       .max_jobs_per_tenant = limits_.tenant.kept_jobs,
        .max_result_bytes = limits_.max_result_bytes,
        .ended_before = parts_.now() - limits_.job_retention}));
 }

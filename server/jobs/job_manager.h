@@ -22,6 +22,7 @@
 #include "server/jobs/job_runner.h"
 #include "server/jobs/job_spec.h"
 #include "server/jobs/memory_budget.h"
+#include "server/jobs/tenant_limits.h"
 #include "server/jobs/watchers.h"
 #include "server/storage/blob_store.h"
 #include "server/storage/job_store.h"
@@ -71,14 +72,10 @@ class JobManager {
   struct Limits {
     /// Jobs that run at the same time; the executor has as many threads.
     int workers = 1;
-    /// Jobs that wait, in all and of one tenant.
+    /// Jobs that wait.
     int max_queued_jobs = 100;
-    int max_queued_jobs_per_tenant = 100;
-    /// What one tenant may have stored, with the job that comes; 0 for no
-    /// limit. Results are stored in any case.
-    std::int64_t max_bytes_per_tenant = 0;
     /// Terminal jobs that are remembered, for how long, and the bytes of their
-    /// results.
+    /// results; see KeptJobs.
     int max_kept_jobs = 1000;
     absl::Duration job_retention = absl::InfiniteDuration();
     std::int64_t max_result_bytes = std::int64_t{256} << 20;
@@ -90,6 +87,8 @@ class JobManager {
     bool durable = false;
     /// See DisconnectGuard.
     absl::Duration unwatched_grace = DisconnectGuard::kGrace;
+    /// Of those limits of all.
+    TenantLimits tenant = {};
   };
 
   /// What the manager works with; all outlive it except the executors, which

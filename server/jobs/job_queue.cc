@@ -1,39 +1,41 @@
 #include "server/jobs/job_queue.h"
 
-#include <queue>
+#include <algorithm>
 #include <tuple>
 #include <utility>
-#include <vector>
 
 namespace isomatch {
 namespace {
 
-using Counts = std::unordered_map<std::string, int>;
-
-int CountIn(const Counts& counts, const std::string& tenant) {
-  const auto found = counts.find(tenant);
-  return found == counts.end() ? 0 : found->second;
+bool IsRisen(const LiveJob::Turn& turn) {
+  return turn.overtakes >= JobQueue::kMaxOvertakes;
 }
 
-void Decrease(Counts& counts, const std::string& tenant) {
-  const auto found = counts.find(tenant);
-  if (found != counts.end() && --found->second == 0) counts.erase(found);
+/// Whether the start of `job`, by its priority, overtakes another tenant's.
+bool Overtakes(const LiveJob::Turn& turn, const LiveJob& job,
+               const LiveJob& other_next) {
+  return !IsRisen(turn) && job.shared_priority > other_next.shared_priority;
 }
 
 }  // namespace
 
 void JobQueue::Push(std::shared_ptr<LiveJob> job) {
-  ++waiting_[job->tenant];
-  const std::string id = job->id;
-  Jobs& jobs = levels_[job->priority][job->tenant];
-  jobs.push_back({std::move(job), ++last_number_});
-  by_id_[id] = std::prev(jobs.end());
+  Tenant& tenant = tenants_[job->tenant];
+  if (job->arrival == 0) {
+    job->arrival = ++last_arrival_;
+  } else if (tenant.turn.last_served == job->turn.last_served) {
+    tenant.turn = job->turn_before;
+  }
+  positions_.clear();
+  by_id_[job->id] = job;
+  tenant.waiting.insert(std::move(job));
 }
 
 std::shared_ptr<LiveJob> JobQueue::PopFitting(MemoryBudget& budget) {
   std::shared_ptr<LiveJob> next;
   std::vector<LiveJob*> passed;
-  Walk([&](const std::shared_ptr<LiveJob>& job) {
+  Walk([&](const Job& job) {
+    if (tenants_[job->tenant].running >= max_running_per_tenant_) return true;
     auto reservation = budget.Reserve(job->memory_estimate_bytes);
     if (reservation.ok()) {
       job->reservation = *std::move(reservation);
@@ -45,25 +47,34 @@ std::shared_ptr<LiveJob> JobQueue::PopFitting(MemoryBudget& budget) {
   });
   if (next == nullptr) return nullptr;
   for (LiveJob* job : passed) ++job->passes;
-  ++running_[next->tenant];
+  Serve(*next);
   return Remove(next->id);
 }
 
+void JobQueue::Serve(LiveJob& job) {
+  Tenant& tenant = tenants_[job.tenant];
+  for (auto& [name, other] : tenants_) {
+    if (&other == &tenant || other.waiting.empty()) continue;
+    const LiveJob& other_next = **other.waiting.begin();
+    if (Overtakes(tenant.turn, job, other_next)) ++other.turn.overtakes;
+  }
+  job.turn_before = tenant.turn;
+  tenant.turn = job.turn = {++last_served_, 0};
+  ++tenant.running;
+}
+
 void JobQueue::OnEnded(const std::string& tenant) {
-  Decrease(running_, tenant);
+  --tenants_[tenant].running;
+  positions_.clear();
 }
 
 std::shared_ptr<LiveJob> JobQueue::Remove(const std::string& id) {
   const auto found = by_id_.find(id);
   if (found == by_id_.end()) return nullptr;
-  std::shared_ptr<LiveJob> job = std::move(found->second->job);
-  const auto level = levels_.find(job->priority);
-  const auto tenant = level->second.find(job->tenant);
-  tenant->second.erase(found->second);
-  if (tenant->second.empty()) level->second.erase(tenant);
-  if (level->second.empty()) levels_.erase(level);
+  std::shared_ptr<LiveJob> job = std::move(found->second);
   by_id_.erase(found);
-  Decrease(waiting_, job->tenant);
+  tenants_[job->tenant].waiting.erase(job);
+  positions_.clear();
   return job;
 }
 
@@ -73,58 +84,65 @@ std::shared_ptr<LiveJob> JobQueue::PopAny() {
 
 int JobQueue::JobsAhead(const std::string& id) const {
   if (by_id_.count(id) == 0) return 0;
-  int ahead = 0;
-  Walk([&](const std::shared_ptr<LiveJob>& job) {
-    if (job->id == id) return false;
-    ++ahead;
-    return true;
-  });
-  return ahead;
+  if (positions_.empty()) {
+    Walk([&](const Job& job) {
+      const auto ahead = static_cast<int>(positions_.size());
+      positions_[job->id] = ahead;
+      return true;
+    });
+  }
+  return positions_.at(id);
 }
 
 std::map<std::int32_t, int> JobQueue::CountByPriority() const {
   std::map<std::int32_t, int> counts;
-  for (const auto& [priority, tenants] : levels_) {
-    for (const auto& [tenant, jobs] : tenants) {
-      counts[priority] += static_cast<int>(jobs.size());
-    }
-  }
+  for (const auto& [id, job] : by_id_) ++counts[job->priority];
   return counts;
 }
 
 int JobQueue::CountOf(const std::string& tenant) const {
-  return CountIn(waiting_, tenant);
+  const auto found = tenants_.find(tenant);
+  if (found == tenants_.end()) return 0;
+  return static_cast<int>(found->second.waiting.size());
+}
+
+bool JobQueue::Walker::operator<(const Walker& other) const {
+  const LiveJob& job = **next;
+  const LiveJob& other_job = **other.next;
+  const bool is_risen = IsRisen(turn);
+  if (is_risen != IsRisen(other.turn)) return is_risen;
+  if (!is_risen && job.shared_priority != other_job.shared_priority) {
+    return job.shared_priority > other_job.shared_priority;
+  }
+  return std::tie(running, turn.last_served, job.arrival) <
+         std::tie(other.running, other.turn.last_served, other_job.arrival);
+}
+
+std::vector<JobQueue::Walker> JobQueue::Line() const {
+  std::vector<Walker> line;
+  for (const auto& [name, tenant] : tenants_) {
+    if (tenant.waiting.empty()) continue;
+    line.push_back({tenant.turn, tenant.running, tenant.waiting.begin(),
+                    tenant.waiting.end()});
+  }
+  return line;
 }
 
 void JobQueue::Walk(const Visit& visit) const {
-  for (const auto& [priority, tenants] : levels_) {
-    if (!WalkLevel(tenants, visit)) return;
-  }
-}
-
-bool JobQueue::WalkLevel(const Tenants& tenants, const Visit& visit) const {
-  // The next job of each tenant; its turn, then its arrival decide.
-  struct Next {
-    int turn;
-    Jobs::const_iterator job;
-    const Jobs* jobs;
-    bool operator<(const Next& other) const {  // the last is visited first
-      return std::tie(turn, job->number) >
-             std::tie(other.turn, other.job->number);
-    }
-  };
-  std::priority_queue<Next> line;
-  for (const auto& [tenant, jobs] : tenants) {
-    line.push({CountIn(running_, tenant), jobs.begin(), &jobs});
-  }
+  std::vector<Walker> line = Line();
+  std::uint64_t served = last_served_;
   while (!line.empty()) {
-    Next next = line.top();
-    line.pop();
-    if (!visit(next.job->job)) return false;
-    ++next.turn;
-    if (++next.job != next.jobs->end()) line.push(next);
+    const auto walker = std::min_element(line.begin(), line.end());
+    if (!visit(*walker->next)) return;
+    for (Walker& other : line) {
+      if (Overtakes(walker->turn, **walker->next, **other.next)) {
+        ++other.turn.overtakes;
+      }
+    }
+    walker->turn = {++served, 0};
+    ++walker->running;
+    if (++walker->next == walker->end) line.erase(walker);
   }
-  return true;
 }
 
 }  // namespace isomatch

@@ -2,12 +2,13 @@
 
 #include <cstdint>
 #include <functional>
-#include <list>
 #include <map>
 #include <memory>
+#include <set>
 #include <stop_token>
 #include <string>
 #include <unordered_map>
+#include <vector>
 
 #include "server/jobs/executor.h"
 #include "server/jobs/memory_budget.h"
@@ -18,11 +19,26 @@ namespace isomatch {
 struct LiveJob {
   std::string id;
   std::string tenant;
+  /// Among the jobs of its tenant.
   std::int32_t priority = 0;
+  /// The same as far as it counts among tenants.
+  std::int32_t shared_priority = 0;
   /// Of all that the job may need.
   std::int64_t memory_estimate_bytes = 0;
   /// Jobs that were started before this one although they came after it.
   int passes = 0;
+  /// Order of arrival, given by the queue once; 0 before.
+  std::uint64_t arrival = 0;
+  /// Whose turn it is; see JobQueue.
+  struct Turn {
+    /// Number of the tenant's last start among all; 0 for none.
+    std::uint64_t last_served = 0;
+    /// Starts of others of a higher shared_priority since then.
+    int overtakes = 0;
+  };
+  /// Of the tenant, before the job started and then, while it runs.
+  Turn turn_before;
+  Turn turn;
   MemoryBudget::Reservation reservation;
   std::stop_source stop;
   /// Of the queue timeout, then of the run timeout.
@@ -35,27 +51,45 @@ struct LiveJob {
   }
 };
 
-/// Waiting jobs, in the order in which they may start:
+/// Waiting jobs, in the order in which they may start. Each tenant has one job
+/// that is next: of its highest priority the one that came first. Of these
+/// starts
 ///
-///   1. those of a higher priority first;
-///   2. among them tenants in turns: the k-th waiting job of a tenant stands
-///      where it has k - 1 jobs waiting before it and its running ones beside;
-///   3. among those, first come first served.
+///   1. one that was overtaken kMaxOvertakes times, as below;
+///   2. that of the highest shared_priority;
+///   3. that of the tenant with the fewest running jobs;
+///   4. that of the tenant that was served least recently, so that tenants
+///      take turns on a single worker too;
+///   5. the one that came first.
+///
+/// Each start of a job by 2 overtakes the tenants whose next job has a lower
+/// shared_priority; a start of its own makes a tenant begin again. So nobody
+/// waits for ever, whatever priorities others ask for.
 ///
 /// A job which fits the memory budget may pass those before it that do not fit
 /// yet - each of them `max_passes` times at most, so that a large job is not
-/// passed for ever.
+/// passed for ever. A tenant of which `max_running_per_tenant` jobs run starts
+/// none.
+///
+/// Remembers every tenant that came; there are as many as API keys.
 ///
 /// Not thread-safe.
 class JobQueue {
  public:
-  explicit JobQueue(int max_passes) : max_passes_(max_passes) {}
+  static constexpr int kMaxOvertakes = 8;
 
+  JobQueue(int max_passes, int max_running_per_tenant)
+      : max_passes_(max_passes),
+        max_running_per_tenant_(max_running_per_tenant) {}
+
+  /// Adds a job. One that PopFitting returned before and that did not run after
+  /// all takes its old place again, and its tenant the turn that it had; call
+  /// OnEnded for it first.
   void Push(std::shared_ptr<LiveJob> job);
 
   /// Removes the next job that may start, with its reservation made, and counts
-  /// it as running; null when there is none. O(tenants) beside the jobs that
-  /// are looked at.
+  /// it as running; null when there is none. O(tenants) for each job that is
+  /// looked at.
   std::shared_ptr<LiveJob> PopFitting(MemoryBudget& budget);
 
   /// A job that PopFitting returned has ended.
@@ -67,7 +101,9 @@ class JobQueue {
   /// Removes any job; null when empty.
   std::shared_ptr<LiveJob> PopAny();
 
-  /// Returns the number of jobs ahead of this one, 0 when it is not there.
+  /// Returns the number of jobs ahead of this one, 0 when it is not there: of
+  /// those that start before it when all fit and nothing else comes or ends.
+  /// O(jobs x tenants) after a change, then O(1).
   int JobsAhead(const std::string& id) const;
 
   int size() const { return static_cast<int>(by_id_.size()); }
@@ -79,27 +115,49 @@ class JobQueue {
   int CountOf(const std::string& tenant) const;
 
  private:
-  struct Waiting {
-    std::shared_ptr<LiveJob> job;
-    /// Order of arrival.
-    std::uint64_t number;
+  using Job = std::shared_ptr<LiveJob>;
+  struct InOwnOrder {
+    bool operator()(const Job& a, const Job& b) const {
+      return a->priority != b->priority ? a->priority > b->priority
+                                        : a->arrival < b->arrival;
+    }
   };
-  using Jobs = std::list<Waiting>;
-  using Tenants = std::map<std::string, Jobs>;
-  using Visit = std::function<bool(const std::shared_ptr<LiveJob>&)>;
+  using Jobs = std::set<Job, InOwnOrder>;
 
-  /// Visits the jobs in order until `visit` returns false.
+  struct Tenant {
+    LiveJob::Turn turn;
+    int running = 0;
+    Jobs waiting;
+  };
+  /// A tenant in a walk, which looks ahead: `next` is its next job.
+  struct Walker {
+    LiveJob::Turn turn;
+    int running;
+    Jobs::const_iterator next;
+    Jobs::const_iterator end;
+
+    /// It comes first.
+    bool operator<(const Walker& other) const;
+  };
+  using Visit = std::function<bool(const Job&)>;
+
+  /// Visits the jobs in order until `visit` returns false, as if each started.
   void Walk(const Visit& visit) const;
-  /// The same among one priority; false when `visit` said so.
-  bool WalkLevel(const Tenants& tenants, const Visit& visit) const;
+
+  /// Returns the tenants with a job.
+  std::vector<Walker> Line() const;
+
+  /// Gives the tenant of a job that starts its turn, which overtakes others.
+  void Serve(LiveJob& job);
 
   const int max_passes_;
-  std::uint64_t last_number_ = 0;
-  std::map<std::int32_t, Tenants, std::greater<>> levels_;
-  std::unordered_map<std::string, Jobs::iterator> by_id_;
-  /// Tenant -> jobs that run, that wait. Without zeros.
-  std::unordered_map<std::string, int> running_;
-  std::unordered_map<std::string, int> waiting_;
+  const int max_running_per_tenant_;
+  std::uint64_t last_arrival_ = 0;
+  std::uint64_t last_served_ = 0;
+  std::map<std::string, Tenant> tenants_;
+  std::unordered_map<std::string, Job> by_id_;
+  /// What JobsAhead answers; empty after a change.
+  mutable std::unordered_map<std::string, int> positions_;
 };
 
 }  // namespace isomatch

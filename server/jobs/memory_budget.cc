@@ -20,13 +20,13 @@ MemoryBudget::Reservation& MemoryBudget::Reservation::operator=(
 }
 
 MemoryBudget::Reservation::~Reservation() {
-  if (budget_ != nullptr) budget_->reserved_bytes_ -= bytes_;
+  if (budget_ != nullptr) budget_->GiveBack(bytes_);
 }
 
 void MemoryBudget::Reservation::ShrinkTo(std::int64_t bytes) {
   assert(bytes >= 0);
   if (bytes >= bytes_) return;
-  budget_->reserved_bytes_ -= bytes_ - bytes;
+  budget_->GiveBack(bytes_ - bytes);
   bytes_ = bytes;
 }
 
@@ -43,15 +43,27 @@ absl::StatusOr<MemoryBudget::Reservation> MemoryBudget::Reserve(
   if (bytes > total_bytes_) {
     return JobNeedsMoreMemoryThanBudget(bytes, total_bytes_);
   }
+  if (!Take(bytes)) {
+    return absl::ResourceExhaustedError(
+        absl::StrCat(bytes, " bytes do not fit beside the ", reserved_bytes(),
+                     " reserved of ", total_bytes_));
+  }
+  return Reservation(this, bytes);
+}
+
+bool MemoryBudget::Take(std::int64_t bytes) {
   std::int64_t reserved = reserved_bytes_;
   do {
-    if (bytes > total_bytes_ - reserved) {
-      return absl::ResourceExhaustedError(
-          absl::StrCat(bytes, " bytes do not fit beside the ", reserved,
-                       " reserved of ", total_bytes_));
-    }
+    if (bytes > total_bytes_ - reserved) return false;
   } while (!reserved_bytes_.compare_exchange_weak(reserved, reserved + bytes));
-  return Reservation(this, bytes);
+  if (whole_ == nullptr || whole_->Take(bytes)) return true;
+  reserved_bytes_ -= bytes;
+  return false;
+}
+
+void MemoryBudget::GiveBack(std::int64_t bytes) {
+  reserved_bytes_ -= bytes;
+  if (whole_ != nullptr) whole_->GiveBack(bytes);
 }
 
 }  // namespace isomatch

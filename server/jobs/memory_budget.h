@@ -11,6 +11,7 @@ namespace isomatch {
 ///
 ///   1. reserved_bytes() never exceeds total_bytes().
 ///   2. A reservation gives back exactly what it took, once, when it goes.
+///   3. What is reserved of a part of a budget is reserved of the whole too.
 ///
 /// Thread-safe, without a lock. Must outlive its reservations.
 class MemoryBudget {
@@ -40,8 +41,9 @@ class MemoryBudget {
     std::int64_t bytes_ = 0;
   };
 
-  /// REQUIRES: total_bytes >= 0.
-  explicit MemoryBudget(std::int64_t total_bytes) : total_bytes_(total_bytes) {}
+  /// A part of `whole`, unless that is null. REQUIRES: total_bytes >= 0.
+  explicit MemoryBudget(std::int64_t total_bytes, MemoryBudget* whole = nullptr)
+      : total_bytes_(total_bytes), whole_(whole) {}
 
   /// Returns the reservation. RESOURCE_EXHAUSTED: not now, others have too
   /// much; FAILED_PRECONDITION: never, it is more than the whole budget.
@@ -52,7 +54,12 @@ class MemoryBudget {
   std::int64_t reserved_bytes() const { return reserved_bytes_; }
 
  private:
+  /// False when there is no room.
+  bool Take(std::int64_t bytes);
+  void GiveBack(std::int64_t bytes);
+
   const std::int64_t total_bytes_;
+  MemoryBudget* const whole_;
   std::atomic<std::int64_t> reserved_bytes_ = 0;
 };
 

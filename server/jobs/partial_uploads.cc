@@ -2,17 +2,45 @@
 
 #include <algorithm>
 
+#include "core/base/status_macros.h"
 #include "server/jobs/errors.h"
 
 namespace isomatch {
 
 absl::StatusOr<MemoryBudget::Reservation> PartialUploads::Reserve(
-    std::int64_t bytes) {
+    const std::string& tenant, std::int64_t bytes) {
+  MemoryBudget& own = budgets_->Of(tenant);
   while (true) {
-    auto reserved = budget_->Reserve(bytes);
+    auto reserved = own.Reserve(bytes);
     if (reserved.ok()) return reserved;
-    if (!DropOldestFor(bytes)) return UploadQuota(bytes, kRetryUploadQuota);
+    ISOMATCH_RETURN_IF_ERROR(DropOneFor(tenant, bytes));
   }
+}
+
+absl::Status PartialUploads::CheckRoom(const std::string& tenant,
+                                       std::int64_t bytes) const {
+  MutexLock lock(mutex_);
+  return CheckRoomLocked(tenant, bytes);
+}
+
+absl::Status PartialUploads::CheckRoomLocked(const std::string& tenant,
+                                             std::int64_t bytes) const {
+  std::int64_t kept_own = 0;
+  std::int64_t kept = 0;
+  for (const auto& [of, entries] : KeptByTenant()) {
+    kept += entries.bytes;
+    if (of == tenant) kept_own = entries.bytes;
+  }
+  const MemoryBudget& own = budgets_->Of(tenant);
+  if (bytes > own.total_bytes() - (own.reserved_bytes() - kept_own)) {
+    return TenantUploadQuota(tenant, bytes, own.total_bytes(),
+                             kRetryUploadQuota);
+  }
+  const MemoryBudget& all = budgets_->whole();
+  if (bytes > all.total_bytes() - (all.reserved_bytes() - kept)) {
+    return UploadQuota(bytes, kRetryUploadQuota);
+  }
+  return absl::OkStatus();
 }
 
 void PartialUploads::Keep(const BlobKey& key, PartialUpload upload) {
@@ -33,7 +61,9 @@ void PartialUploads::Keep(const BlobKey& key, PartialUpload upload) {
   Entry& entry = entries_[key];
   if (entry.upload.bytes.size() > added.upload.bytes.size()) return;
   std::swap(entry, added);
-  if (entries_.size() > kMaxKept) dropped = ExtractOldest();
+  if (entries_.size() > kMaxKept) {
+    dropped = ExtractOldestOf(LargestTenant(&Kept::count));
+  }
 }
 
 PartialUpload PartialUploads::Take(const BlobKey& key) {
@@ -65,30 +95,51 @@ void PartialUploads::Expire(const BlobKey& key, std::uint64_t age_order) {
   expired = entries_.extract(found);
 }
 
-bool PartialUploads::DropOldestFor(std::int64_t bytes) {
+absl::Status PartialUploads::DropOneFor(const std::string& tenant,
+                                        std::int64_t bytes) {
   Entries::node_type dropped;
   MutexLock lock(mutex_);
-  const std::int64_t of_others = budget_->reserved_bytes() - KeptBytes();
-  if (entries_.empty() || bytes > budget_->total_bytes() - of_others) {
-    return false;
+  ISOMATCH_RETURN_IF_ERROR(CheckRoomLocked(tenant, bytes));
+  const MemoryBudget& own = budgets_->Of(tenant);
+  const bool is_share_full = bytes > own.total_bytes() - own.reserved_bytes();
+  dropped =
+      ExtractOldestOf(is_share_full ? tenant : LargestTenant(&Kept::bytes));
+  return absl::OkStatus();  // none: others have just given theirs back
+}
+
+PartialUploads::Entries::node_type PartialUploads::ExtractOldestOf(
+    const std::string& tenant) {
+  auto oldest = entries_.end();
+  for (auto entry = entries_.begin(); entry != entries_.end(); ++entry) {
+    if (entry->first.tenant != tenant) continue;
+    if (oldest == entries_.end() ||
+        entry->second.age_order < oldest->second.age_order) {
+      oldest = entry;
+    }
   }
-  dropped = ExtractOldest();
-  return true;
+  if (oldest == entries_.end()) return {};
+  return entries_.extract(oldest);
 }
 
-PartialUploads::Entries::node_type PartialUploads::ExtractOldest() {
-  return entries_.extract(std::min_element(
-      entries_.begin(), entries_.end(), [](const auto& a, const auto& b) {
-        return a.second.age_order < b.second.age_order;
-      }));
+template <typename Measure>
+std::string PartialUploads::LargestTenant(Measure Kept::*measure) const {
+  const std::map<std::string, Kept> kept = KeptByTenant();
+  const auto largest = std::max_element(
+      kept.begin(), kept.end(), [&](const auto& a, const auto& b) {
+        return a.second.*measure < b.second.*measure;
+      });
+  return largest == kept.end() ? "" : largest->first;
 }
 
-std::int64_t PartialUploads::KeptBytes() const {
-  std::int64_t bytes = 0;
+std::map<std::string, PartialUploads::Kept> PartialUploads::KeptByTenant()
+    const {
+  std::map<std::string, Kept> kept;
   for (const auto& [key, entry] : entries_) {
-    bytes += entry.upload.reservation.bytes();
+    Kept& own = kept[key.tenant];
+    ++own.count;
+    own.bytes += entry.upload.reservation.bytes();
   }
-  return bytes;
+  return kept;
 }
 
 }  // namespace isomatch

@@ -11,6 +11,7 @@
 #include "core/base/mutex.h"
 #include "server/jobs/executor.h"
 #include "server/jobs/memory_budget.h"
+#include "server/jobs/tenant_budgets.h"
 #include "server/storage/blob_store.h"
 
 namespace isomatch {
@@ -30,8 +31,9 @@ struct PartialUpload {
 ///   1. Bytes belong to one upload or are kept here, never both: Take removes
 ///      them. Two uploads of one mesh at a time share nothing; of what both
 ///      leave behind the longer is kept.
-///   2. Bytes that are kept count against the budget. They give way, the oldest
-///      first, when Reserve needs the room.
+///   2. Bytes that are kept count against the budget, and their tenant's share
+///      of it. They give way when Reserve needs the room: of the tenant, or
+///      else of the one that has most, the oldest first.
 ///   3. At most kMaxKept are kept, so that tiny ones cannot pile up.
 ///
 /// Thread-safe. No lock is held while it calls others.
@@ -40,14 +42,18 @@ class PartialUploads {
   static constexpr std::size_t kMaxKept = 1000;
 
   /// Both outlive this object, except that `timers` may be joined before.
-  PartialUploads(MemoryBudget* budget, Executor* timers,
+  PartialUploads(TenantBudgets* budgets, Executor* timers,
                  absl::Duration keep_for)
-      : budget_(budget), timers_(timers), keep_for_(keep_for) {}
+      : budgets_(budgets), timers_(timers), keep_for_(keep_for) {}
 
-  /// Returns room for `bytes` of unfinished uploads and requests.
+  /// Returns room for `bytes` more of the tenant's unfinished uploads.
   /// RESOURCE_EXHAUSTED (UPLOAD_QUOTA) when there is none, even without all
-  /// that is kept. REQUIRES: bytes >= 0.
-  absl::StatusOr<MemoryBudget::Reservation> Reserve(std::int64_t bytes);
+  /// that may give way. REQUIRES: bytes >= 0.
+  absl::StatusOr<MemoryBudget::Reservation> Reserve(const std::string& tenant,
+                                                    std::int64_t bytes);
+
+  /// Whether Reserve would find room now; nothing gives way.
+  absl::Status CheckRoom(const std::string& tenant, std::int64_t bytes) const;
 
   /// Keeps what an upload has brought, and no more room than that needs.
   void Keep(const BlobKey& key, PartialUpload upload);
@@ -72,16 +78,33 @@ class PartialUploads {
 
   void Expire(const BlobKey& key, std::uint64_t age_order);
 
-  /// Drops the oldest; false when there is none, or when dropping all would
-  /// not make room for `bytes`.
-  bool DropOldestFor(std::int64_t bytes);
+  /// What is kept of one tenant, or of all.
+  struct Kept {
+    std::size_t count = 0;
+    std::int64_t bytes = 0;
+  };
+  std::map<std::string, Kept> KeptByTenant() const
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
-  /// Returns the oldest, to be freed without the lock. REQUIRES: not empty.
-  Entries::node_type ExtractOldest() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  absl::Status CheckRoomLocked(const std::string& tenant,
+                               std::int64_t bytes) const
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
-  std::int64_t KeptBytes() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  /// Drops one that gives way to `bytes` of the tenant. RESOURCE_EXHAUSTED when
+  /// that cannot help.
+  absl::Status DropOneFor(const std::string& tenant, std::int64_t bytes);
 
-  MemoryBudget* const budget_;
+  /// Returns the tenant's oldest, to be freed without the lock; empty when it
+  /// has none.
+  Entries::node_type ExtractOldestOf(const std::string& tenant)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+
+  /// Returns the tenant that keeps most by `measure`; empty for none.
+  template <typename Measure>
+  std::string LargestTenant(Measure Kept::*measure) const
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+
+  TenantBudgets* const budgets_;
   Executor* const timers_;
   const absl::Duration keep_for_;
 

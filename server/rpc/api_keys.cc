@@ -8,8 +8,10 @@
 
 #include "absl/cleanup/cleanup.h"
 #include "absl/strings/escaping.h"
+#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
+#include "absl/strings/strip.h"
 #include "core/base/status_macros.h"
 #include "server/rpc/small_file.h"
 #include "server/storage/sha256.h"
@@ -28,10 +30,25 @@ absl::Status LineError(int line, absl::string_view expected) {
       absl::StrCat("line ", line, ", expected ", expected));
 }
 
+/// `max-priority=N`
+std::optional<int> ParseMaxPriority(absl::string_view word) {
+  int priority = 0;
+  if (!absl::ConsumePrefix(&word, "max-priority=") ||
+      !absl::SimpleAtoi(word, &priority) || priority < 0 ||
+      priority > kMostPriority) {
+    return std::nullopt;
+  }
+  return priority;
+}
+
 absl::StatusOr<ApiKey> ParseLine(int line,
-                                 const std::vector<absl::string_view>& words) {
-  if (words.size() != 4) {
-    return LineError(line, "name, tenant, role and SHA-256 of the key");
+                                 const std::vector<absl::string_view>& words,
+                                 std::optional<int> max_priority) {
+  constexpr size_t kLeastWords = 4;
+  if (words.size() != kLeastWords && words.size() != kLeastWords + 1) {
+    return LineError(line,
+                     "name, tenant, role and SHA-256 of the key, then nothing "
+                     "or max-priority=N");
   }
   if (!IsTenantName(words[0]) || !IsTenantName(words[1])) {
     return LineError(line,
@@ -44,14 +61,19 @@ absl::StatusOr<ApiKey> ParseLine(int line,
                      "as the fourth word the 64 lower-case hexadecimal digits "
                      "of the key's SHA-256, not the key");
   }
+  if (words.size() > kLeastWords) max_priority = ParseMaxPriority(words[4]);
+  if (!max_priority) {
+    return LineError(line, "max-priority=N as the fifth word, N from 0 to 100");
+  }
   return ApiKey{std::string(words[0]),
-                {std::string(words[1]), *role},
+                {std::string(words[1]), *role, "", *max_priority},
                 std::string(words[3])};
 }
 
 }  // namespace
 
-absl::StatusOr<std::vector<ApiKey>> ParseApiKeys(absl::string_view text) {
+absl::StatusOr<std::vector<ApiKey>> ParseApiKeys(absl::string_view text,
+                                                 int max_priority) {
   std::vector<ApiKey> keys;
   std::set<std::string> names;
   std::set<std::string> hashes;
@@ -62,7 +84,7 @@ absl::StatusOr<std::vector<ApiKey>> ParseApiKeys(absl::string_view text) {
     const std::vector<absl::string_view> words =
         absl::StrSplit(row, absl::ByAnyChar(" \t\r"), absl::SkipEmpty());
     if (words.empty()) continue;
-    ISOMATCH_ASSIGN_OR_RETURN(ApiKey key, ParseLine(line, words));
+    ISOMATCH_ASSIGN_OR_RETURN(ApiKey key, ParseLine(line, words, max_priority));
     if (!names.insert(key.name).second || !hashes.insert(key.sha256).second) {
       return LineError(line, "a name and a key that no line before has");
     }
@@ -97,18 +119,21 @@ NewApiKey MakeApiKey(const std::string& name, const Caller& caller,
   return made;
 }
 
-ApiKeys::ApiKeys(std::string path, Clock now, OnReload on_reload)
+ApiKeys::ApiKeys(std::string path, Clock now, OnReload on_reload,
+                 int max_priority)
     : path_(std::move(path)),
       now_(std::move(now)),
-      on_reload_(std::move(on_reload)) {}
+      on_reload_(std::move(on_reload)),
+      max_priority_(max_priority) {}
 
 absl::StatusOr<std::unique_ptr<ApiKeys>> ApiKeys::Open(const std::string& path,
                                                        Clock now,
-                                                       OnReload on_reload) {
-  State state = Load(path);
+                                                       OnReload on_reload,
+                                                       int max_priority) {
+  State state = Load(path, max_priority);
   ISOMATCH_RETURN_IF_ERROR(state.keys.status());
   std::unique_ptr<ApiKeys> opened(
-      new ApiKeys(path, std::move(now), std::move(on_reload)));
+      new ApiKeys(path, std::move(now), std::move(on_reload), max_priority));
   const absl::Time checked = opened->now_();
   MutexLock lock(opened->mutex_);
   opened->keys_ = std::make_shared<const Keys>(*std::move(state.keys));
@@ -129,12 +154,12 @@ std::optional<Caller> ApiKeys::Find(absl::string_view key) {
   return found->caller;
 }
 
-ApiKeys::State ApiKeys::Load(const std::string& path) {
+ApiKeys::State ApiKeys::Load(const std::string& path, int max_priority) {
   absl::StatusOr<std::string> text = ReadSmallFile(kField, path);
   if (!text.ok()) {
     return {std::string(text.status().message()), text.status()};
   }
-  absl::StatusOr<Keys> keys = ParseApiKeys(*text);
+  absl::StatusOr<Keys> keys = ParseApiKeys(*text, max_priority);
   if (keys.ok()) return {*std::move(text), std::move(keys)};
   return {*std::move(text),
           absl::InvalidArgumentError(absl::StrCat(kField, " = ", path, ": ",
@@ -160,7 +185,7 @@ void ApiKeys::Check() {
     MutexLock lock(mutex_);
     checking_ = false;
   };
-  State state = Load(path_);
+  State state = Load(path_, max_priority_);
   const absl::Status loaded = state.keys.status();
   {
     MutexLock lock(mutex_);

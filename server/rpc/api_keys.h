@@ -27,11 +27,13 @@ struct ApiKey {
   std::string sha256;
 };
 
-/// Returns the keys of a file: lines `name tenant role sha256`, # starts a
-/// comment. INVALID_ARGUMENT, naming the line and what was expected there, when
+/// Returns the keys of a file: lines `name tenant role sha256`, and perhaps
+/// `max-priority=N`, else it is `max_priority`; # starts a comment.
+/// INVALID_ARGUMENT, naming the line and what was expected there, when
 /// one is none, when a name or key comes twice, or when there is no key at all.
 /// The message has no word of the file: one could be a key by mistake.
-absl::StatusOr<std::vector<ApiKey>> ParseApiKeys(absl::string_view text);
+absl::StatusOr<std::vector<ApiKey>> ParseApiKeys(absl::string_view text,
+                                                 int max_priority = 0);
 
 /// Returns the entry of `key`, or null. Constant-time by construction: the
 /// hash of `key` is compared with that of every entry, each comparison over
@@ -62,7 +64,8 @@ class ApiKeys {
   /// INVALID_ARGUMENT: the file cannot be read or parsed.
   static absl::StatusOr<std::unique_ptr<ApiKeys>> Open(const std::string& path,
                                                        Clock now,
-                                                       OnReload on_reload);
+                                                       OnReload on_reload,
+                                                       int max_priority = 0);
 
   /// Returns who calls with `key`; nullopt when nobody has it.
   std::optional<Caller> Find(absl::string_view key);
@@ -77,15 +80,16 @@ class ApiKeys {
     absl::StatusOr<Keys> keys;
   };
 
-  ApiKeys(std::string path, Clock now, OnReload on_reload);
+  ApiKeys(std::string path, Clock now, OnReload on_reload, int max_priority);
 
-  static State Load(const std::string& path);
+  static State Load(const std::string& path, int max_priority);
   bool BeginCheck();
   void Check();
 
   const std::string path_;
   const Clock now_;
   const OnReload on_reload_;
+  const int max_priority_;
 
   Mutex mutex_;
   std::shared_ptr<const Keys> keys_ ABSL_GUARDED_BY(mutex_);

@@ -14,6 +14,7 @@
 #include "isomatch/v1/service.pb.h"
 #include "server/convert/job_name.h"
 #include "server/logging/log.h"
+#include "server/rpc/raw_message.h"
 
 namespace isomatch {
 namespace {
@@ -69,9 +70,11 @@ std::string JobOfRequest(const void* message) {
 }
 
 std::string JobOfCreate(const void* message) {
-  const auto* const response =
-      static_cast<const v1::CreateJobResponse*>(message);
-  const auto id = ParseJobName(response->job().name());
+  v1::CreateJobResponse response;
+  if (!ParseRaw(*static_cast<const grpc::ByteBuffer*>(message), response)) {
+    return "";
+  }
+  const auto id = ParseJobName(response.job().name());
   return id.ok() ? *id : "";
 }
 

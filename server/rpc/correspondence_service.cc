@@ -2,8 +2,11 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <limits>
 #include <string>
 #include <vector>
+
+#include <grpcpp/support/proto_buffer_reader.h>
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
@@ -12,11 +15,13 @@
 #include "server/convert/job_name.h"
 #include "server/convert/job_proto.h"
 #include "server/convert/list_jobs.h"
+#include "server/convert/request_outline.h"
 #include "server/jobs/caller.h"
 #include "server/jobs/errors.h"
 #include "server/rpc/create_job.h"
 #include "server/rpc/download_result.h"
 #include "server/rpc/grpc_status.h"
+#include "server/rpc/raw_message.h"
 #include "server/rpc/refused.h"
 #include "server/rpc/upload_mesh.h"
 #include "server/rpc/watch_job.h"
@@ -31,6 +36,29 @@ grpc::ServerUnaryReactor* Finish(grpc::CallbackServerContext* call,
   return reactor;
 }
 
+/// Those that there are: 0 stands for none.
+template <typename Unsigned, typename Limit>
+Unsigned LimitOrZero(Limit limit) {
+  return limit == std::numeric_limits<Limit>::max()
+             ? 0
+             : static_cast<Unsigned>(limit);
+}
+
+void SetTenantLimits(const TenantLimits& limits,
+                     v1::GetServerInfoResponse::Limits& proto) {
+  using Count = std::uint32_t;
+  using Bytes = std::uint64_t;
+  proto.set_max_queued_jobs_per_tenant(LimitOrZero<Count>(limits.queued_jobs));
+  proto.set_max_running_jobs_per_tenant(
+      LimitOrZero<Count>(limits.running_jobs));
+  proto.set_max_bytes_per_tenant(LimitOrZero<Bytes>(limits.stored_bytes));
+  proto.set_max_kept_jobs_per_tenant(LimitOrZero<Count>(limits.kept_jobs));
+  proto.set_max_uploads_per_tenant(LimitOrZero<Count>(limits.uploads));
+  proto.set_max_upload_bytes_per_tenant(
+      LimitOrZero<Bytes>(limits.upload_bytes));
+  proto.set_max_requests_per_tenant(LimitOrZero<Count>(limits.requests));
+}
+
 void SetLimits(const RequestLimits& limits,
                v1::GetServerInfoResponse::Limits& proto) {
   proto.set_max_request_bytes(
@@ -41,6 +69,7 @@ void SetLimits(const RequestLimits& limits,
   proto.set_max_faces(static_cast<std::uint32_t>(limits.draco.max_faces));
   proto.set_max_landmarks(static_cast<std::uint32_t>(limits.max_landmarks));
   proto.set_max_queued_jobs(static_cast<std::uint32_t>(limits.max_queued_jobs));
+  SetTenantLimits(limits.tenant, proto);
 }
 
 absl::Status FindMissing(const v1::FindMissingMeshesRequest& request,
@@ -61,6 +90,25 @@ absl::Status FindMissing(const v1::FindMissingMeshesRequest& request,
     const std::uint64_t received = context.partial_uploads->ReceivedBytes(key);
     response.add_received_bytes(std::min(received, digest.size_bytes()));
   }
+  return absl::OkStatus();
+}
+
+absl::Status FindMissingRaw(const grpc::ByteBuffer& raw,
+                            const ServiceContext& context, const Caller& caller,
+                            grpc::ByteBuffer& response) {
+  constexpr int kFieldsOfDigest = 3;  // itself, sha256, size_bytes
+  constexpr int kMaxFields = kFieldsOfDigest * (RequestLimits::kMaxDigests + 1);
+  grpc::ByteBuffer bytes = raw;  // shares them
+  grpc::ProtoBufferReader reader(&bytes);
+  ISOMATCH_RETURN_IF_ERROR(CheckFieldCount(
+      reader, *v1::FindMissingMeshesRequest::descriptor(), kMaxFields));
+  v1::FindMissingMeshesRequest request;
+  if (!ParseRaw(raw, request)) {
+    return InvalidField("request", "expected a FindMissingMeshesRequest");
+  }
+  v1::FindMissingMeshesResponse found;
+  ISOMATCH_RETURN_IF_ERROR(FindMissing(request, context, caller, found));
+  response = SerializeRaw(found);
   return absl::OkStatus();
 }
 
@@ -113,6 +161,7 @@ void SetInformation(const ServiceContext& context, const Caller& caller,
   const JobManager::Load load = context.manager->load();
   response.set_version(kVersion);
   SetLimits(context.parse.limits, *response.mutable_limits());
+  response.mutable_limits()->set_max_priority(caller.max_priority);
   response.set_workers(static_cast<std::uint32_t>(context.workers));
   response.set_threads_per_job(
       static_cast<std::uint32_t>(context.parse.threads_per_job));
@@ -159,17 +208,16 @@ CorrespondenceService::UploadMesh(grpc::CallbackServerContext* call,
 }
 
 grpc::ServerUnaryReactor* CorrespondenceService::FindMissingMeshes(
-    grpc::CallbackServerContext* call,
-    const v1::FindMissingMeshesRequest* request,
-    v1::FindMissingMeshesResponse* response) {
+    grpc::CallbackServerContext* call, const grpc::ByteBuffer* request,
+    grpc::ByteBuffer* response) {
   return Respond(call, Role::kRead, [&](const Caller& caller) {
-    return FindMissing(*request, context_, caller, *response);
+    return FindMissingRaw(*request, context_, caller, *response);
   });
 }
 
 grpc::ServerUnaryReactor* CorrespondenceService::CreateJob(
-    grpc::CallbackServerContext* call, const v1::CreateJobRequest* request,
-    v1::CreateJobResponse* response) {
+    grpc::CallbackServerContext* call, const grpc::ByteBuffer* request,
+    grpc::ByteBuffer* response) {
   const auto caller = context_.access->Identify(*call, Role::kSubmit);
   if (!caller.ok()) return Finish(call, caller.status());
   return StartCreateJob(context_, *caller, call, request, response);

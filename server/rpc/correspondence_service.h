@@ -5,11 +5,28 @@
 
 namespace isomatch {
 
+using GrpcService = v1::CorrespondenceService;
+
+/// What gRPC calls: CreateJob and FindMissingMeshes with the bytes that came,
+/// the others with parsed messages.
+using CallbackMethods = GrpcService::WithCallbackMethod_GetServerInfo<
+    GrpcService::WithCallbackMethod_UploadMesh<
+        GrpcService::WithRawCallbackMethod_FindMissingMeshes<
+            GrpcService::WithRawCallbackMethod_CreateJob<
+                GrpcService::WithCallbackMethod_GetJob<
+                    GrpcService::WithCallbackMethod_WatchJob<
+                        GrpcService::WithCallbackMethod_ListJobs<
+                            GrpcService::WithCallbackMethod_CancelJob<
+                                GrpcService::WithCallbackMethod_DeleteJob<
+                                    GrpcService::
+                                        WithCallbackMethod_DownloadResult<
+                                            GrpcService::Service>>>>>>>>>>;
+
 /// The RPCs of isomatch.v1: each asks who calls, parses its request, asks the
 /// manager, converts the answer. Those with a life of their own are in files of
-/// their names.
-class CorrespondenceService final
-    : public v1::CorrespondenceService::CallbackService {
+/// their names. Requests that may hold many messages are not parsed by gRPC:
+/// their fields are counted first.
+class CorrespondenceService final : public CallbackMethods {
  public:
   explicit CorrespondenceService(const ServiceContext& context)
       : context_(context) {}
@@ -21,12 +38,11 @@ class CorrespondenceService final
       grpc::CallbackServerContext* call,
       v1::UploadMeshResponse* response) override;
   grpc::ServerUnaryReactor* FindMissingMeshes(
-      grpc::CallbackServerContext* call,
-      const v1::FindMissingMeshesRequest* request,
-      v1::FindMissingMeshesResponse* response) override;
+      grpc::CallbackServerContext* call, const grpc::ByteBuffer* request,
+      grpc::ByteBuffer* response) override;
   grpc::ServerUnaryReactor* CreateJob(grpc::CallbackServerContext* call,
-                                      const v1::CreateJobRequest* request,
-                                      v1::CreateJobResponse* response) override;
+                                      const grpc::ByteBuffer* request,
+                                      grpc::ByteBuffer* response) override;
   grpc::ServerUnaryReactor* GetJob(grpc::CallbackServerContext* call,
                                    const v1::GetJobRequest* request,
                                    v1::GetJobResponse* response) override;

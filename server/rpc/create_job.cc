@@ -8,13 +8,17 @@
 #include <utility>
 
 #include <grpcpp/server_context.h>
+#include <grpcpp/support/proto_buffer_reader.h>
 
 #include "core/base/status_macros.h"
+#include "isomatch/v1/service.pb.h"
 #include "server/convert/job_proto.h"
+#include "server/convert/request_outline.h"
 #include "server/convert/stored_request.h"
 #include "server/jobs/errors.h"
 #include "server/jobs/within_memory.h"
 #include "server/rpc/grpc_status.h"
+#include "server/rpc/raw_message.h"
 
 namespace isomatch {
 namespace {
@@ -22,6 +26,8 @@ namespace {
 /// What a waiting request counts with at least, so that there are not too many
 /// small ones: those of `validate_only` need no place in the queue.
 constexpr std::int64_t kLeastBytes = 16 << 10;
+
+constexpr absl::Duration kRetryRequests = absl::Seconds(2);
 
 absl::StatusOr<JobSnapshot> Create(const ServiceContext& context,
                                    const Caller& caller,
@@ -41,12 +47,65 @@ absl::StatusOr<JobSnapshot> Create(const ServiceContext& context,
 }
 
 absl::Status Answer(const ServiceContext& context, const Caller& caller,
-                    const v1::CreateJobRequest& request,
-                    JobManager::Place place, v1::CreateJobResponse& response) {
+                    const grpc::ByteBuffer& raw, JobManager::Place place,
+                    grpc::ByteBuffer& response) {
+  v1::CreateJobRequest request;
+  if (!ParseRaw(raw, request)) {
+    return InvalidField("request", "expected a message CreateJobRequest");
+  }
   ISOMATCH_ASSIGN_OR_RETURN(const JobSnapshot snapshot,
                             Create(context, caller, request, std::move(place)));
-  *response.mutable_job() = ToProto(snapshot);
+  v1::CreateJobResponse created;
+  *created.mutable_job() = ToProto(snapshot);
+  response = SerializeRaw(created);
   return absl::OkStatus();
+}
+
+/// Without memory, and before anybody waits.
+absl::StatusOr<RequestOutline> Outline(const ServiceContext& context,
+                                       const grpc::ByteBuffer& request) {
+  grpc::ByteBuffer bytes = request;  // shares them
+  grpc::ProtoBufferReader counted(&bytes);
+  ISOMATCH_RETURN_IF_ERROR(
+      CheckFieldCount(counted, *v1::CreateJobRequest::descriptor(),
+                      MaxCreateJobFields(context.parse.limits.max_landmarks)));
+  bytes = request;
+  grpc::ProtoBufferReader reader(&bytes);
+  return ReadOutline(reader);
+}
+
+/// Room for a request that waits.
+absl::StatusOr<MemoryBudget::Reservation> ReserveRequest(
+    const ServiceContext& context, const Caller& caller,
+    const grpc::ByteBuffer& request) {
+  MemoryBudget& room = context.requests->Of(caller.tenant);
+  const auto bytes = static_cast<std::int64_t>(request.Length());
+  auto reserved =
+      room.Reserve(std::max(bytes, std::min(kLeastBytes, room.total_bytes())));
+  if (reserved.ok()) return reserved;
+  return TenantUploadQuota(caller.tenant, bytes, room.total_bytes(),
+                           kRetryUploadQuota);
+}
+
+/// What a request holds from its coming on until it is answered.
+struct Waiting {
+  JobManager::Place place;
+  MemoryBudget::Reservation room;
+};
+
+absl::StatusOr<std::shared_ptr<Waiting>> TakeIn(
+    const ServiceContext& context, const Caller& caller,
+    const grpc::ByteBuffer& request) {
+  const auto waiting = std::make_shared<Waiting>();
+  ISOMATCH_ASSIGN_OR_RETURN(const RequestOutline outline,
+                            Outline(context, request));
+  if (!outline.validate_only) {
+    ISOMATCH_ASSIGN_OR_RETURN(
+        waiting->place, context.manager->TakePlace(caller, outline.request_id));
+  }
+  ISOMATCH_ASSIGN_OR_RETURN(waiting->room,
+                            ReserveRequest(context, caller, request));
+  return waiting;
 }
 
 }  // namespace
@@ -54,36 +113,31 @@ absl::Status Answer(const ServiceContext& context, const Caller& caller,
 grpc::ServerUnaryReactor* StartCreateJob(const ServiceContext& context,
                                          const Caller& caller,
                                          grpc::CallbackServerContext* call,
-                                         const v1::CreateJobRequest* request,
-                                         v1::CreateJobResponse* response) {
-  grpc::ServerUnaryReactor* reactor = call->DefaultReactor();
-  JobManager::Place place;
-  if (!request->validate_only()) {
-    auto taken = context.manager->TakePlace(caller, request->request_id());
-    if (!taken.ok()) {
-      reactor->Finish(ToGrpc(taken.status()));
-      return reactor;
-    }
-    place = *std::move(taken);
-  }
-  const auto bytes = static_cast<std::int64_t>(request->ByteSizeLong());
-  auto reserved = context.requests->Reserve(
-      std::max(bytes, std::min(kLeastBytes, context.requests->total_bytes())));
-  if (!reserved.ok()) {
-    reactor->Finish(ToGrpc(UploadQuota(bytes, kRetryUploadQuota)));
+                                         const grpc::ByteBuffer* request,
+                                         grpc::ByteBuffer* response) {
+  grpc::ServerUnaryReactor* const reactor = call->DefaultReactor();
+  auto taken = TakeIn(context, caller, *request);
+  if (!taken.ok()) {
+    reactor->Finish(ToGrpc(taken.status()));
     return reactor;
   }
-  const auto held =
-      std::make_shared<MemoryBudget::Reservation>(*std::move(reserved));
-  context.intake->Post([&context, caller, reactor, request, response, held,
-                        call, place = std::move(place)]() mutable {
-    // Nobody waits for the answer of a call that has ended meanwhile.
-    if (call->IsCancelled()) return reactor->Finish(grpc::Status::CANCELLED);
-    const absl::Status answered = WithinMemory([&] {
-      return Answer(context, caller, *request, std::move(place), *response);
-    });
-    reactor->Finish(ToGrpc(answered));
-  });
+  const bool posted = context.intake->Post(
+      caller.tenant, [&context, caller, reactor, request, response, call,
+                      waiting = *std::move(taken)]() mutable {
+        // Nobody waits for the answer of a call that has ended meanwhile.
+        if (call->IsCancelled()) {
+          return reactor->Finish(grpc::Status::CANCELLED);
+        }
+        const absl::Status answered = WithinMemory([&] {
+          return Answer(context, caller, *request, std::move(waiting->place),
+                        *response);
+        });
+        reactor->Finish(ToGrpc(answered));
+      });
+  if (!posted) {
+    reactor->Finish(ToGrpc(TenantRequestsQuota(
+        caller.tenant, context.parse.limits.tenant.requests, kRetryRequests)));
+  }
   return reactor;
 }
 

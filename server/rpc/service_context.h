@@ -6,6 +6,8 @@
 #include "server/jobs/job_manager.h"
 #include "server/jobs/memory_budget.h"
 #include "server/jobs/partial_uploads.h"
+#include "server/jobs/tenant_budgets.h"
+#include "server/jobs/tenant_turns.h"
 #include "server/metrics/metrics.h"
 #include "server/rpc/access.h"
 #include "server/storage/blob_store.h"
@@ -22,13 +24,15 @@ struct ServiceContext {
   JobManager* manager;
   BlobStore* blobs;
   MemoryBudget* budget;
-  /// Room for CreateJob requests that wait for `intake`.
-  MemoryBudget* requests;
+  /// Room for CreateJob requests that wait for `intake`, unparsed.
+  TenantBudgets* requests;
+  /// Not of bytes: one for each UploadMesh call that runs.
+  TenantBudgets* uploads;
   /// Room for unfinished uploads, and what those that broke off have brought.
   PartialUploads* partial_uploads;
-  /// Decodes and checks CreateJob's meshes, one request at a time, so that gRPC
-  /// threads stay free and decoding needs bounded memory.
-  Executor* intake;
+  /// Decodes and checks CreateJob's meshes, a few requests at a time, so that
+  /// gRPC threads stay free and decoding needs bounded memory.
+  TenantTurns* intake;
   /// Writes uploaded meshes to disk, which takes a while.
   Executor* disk;
   Metrics* metrics = &NullMetrics();

@@ -1,5 +1,6 @@
 #include "server/rpc/upload_mesh.h"
 
+#include <algorithm>
 #include <atomic>
 #include <cstdint>
 #include <memory>
@@ -14,12 +15,21 @@
 #include "server/jobs/errors.h"
 #include "server/jobs/within_memory.h"
 #include "server/rpc/grpc_status.h"
+#include "server/rpc/refused.h"
 
 namespace isomatch {
 namespace {
 
 /// Bytes a second. Who sends less holds room that others need.
-constexpr double kLeastSpeed = 1024;
+constexpr std::int64_t kLeastSpeed = 1024;
+
+/// The longest that a whole mesh may take.
+constexpr std::int64_t kMostSeconds = 3600;
+
+std::int64_t LeastSpeed(const v1::Digest& header) {
+  return std::max(kLeastSpeed, static_cast<std::int64_t>(header.size_bytes()) /
+                                   kMostSeconds);
+}
 
 /// One UploadMesh call.
 ///
@@ -27,7 +37,7 @@ constexpr double kLeastSpeed = 1024;
 ///   2. OnReadDone: takes the message, reads the next; finishes on an error, or
 ///      at once when the mesh is known. At the end of the stream the disk's
 ///      executor stores the mesh and finishes, whatever happens meanwhile.
-///   3. The alarm: finishes when less than kLeastSpeed came since it was set.
+///   3. The alarm: finishes when less than LeastSpeed came since it was set.
 ///   4. OnCancel: finishes with CANCELLED.
 ///   5. OnDone: nothing reads any more; keeps the bytes of an upload that broke
 ///      off, lets go of itself.
@@ -38,8 +48,10 @@ class UploadMeshReactor final
       public std::enable_shared_from_this<UploadMeshReactor> {
  public:
   UploadMeshReactor(const ServiceContext& context, const std::string& tenant,
+                    MemoryBudget::Reservation place,
                     v1::UploadMeshResponse* response)
       : context_(context),
+        place_(std::move(place)),
         response_(*response),
         upload_({context.blobs, context.partial_uploads, context.parse.limits},
                 tenant) {}
@@ -58,6 +70,7 @@ class UploadMeshReactor final
     const absl::Status taken =
         WithinMemory([&] { return upload_.Take(request_); });
     if (!taken.ok()) return FinishOnce(ToGrpc(taken));
+    least_speed_ = LeastSpeed(upload_.digest());
     if (upload_.known()) return FinishWithAnswer();
     StartRead(&request_);
   }
@@ -119,8 +132,9 @@ class UploadMeshReactor final
     const std::int64_t received = received_bytes_;
     const auto more = static_cast<double>(received - received_at_alarm_);
     received_at_alarm_ = received;
-    if (more < kLeastSpeed * absl::ToDoubleSeconds(time)) {
-      return FinishUnlessStoring(ToGrpc(UploadIdle(time)));
+    const std::int64_t least = least_speed_;
+    if (more < static_cast<double>(least) * absl::ToDoubleSeconds(time)) {
+      return FinishUnlessStoring(ToGrpc(UploadIdle(time, least)));
     }
     // Under the lock, so that OnDone's Cancel comes after it.
     MutexLock lock(mutex_);
@@ -144,6 +158,7 @@ class UploadMeshReactor final
   }
 
   const ServiceContext& context_;
+  const MemoryBudget::Reservation place_;
   std::shared_ptr<UploadMeshReactor> self_;
   grpc::Alarm alarm_;
   v1::UploadMeshRequest request_;
@@ -151,6 +166,7 @@ class UploadMeshReactor final
   /// Only used between two reads, and when all is done.
   MeshUpload upload_;
   std::atomic<std::int64_t> received_bytes_ = 0;
+  std::atomic<std::int64_t> least_speed_ = kLeastSpeed;
   /// Only used by the alarm.
   std::int64_t received_at_alarm_ = 0;
 
@@ -165,9 +181,15 @@ class UploadMeshReactor final
 grpc::ServerReadReactor<v1::UploadMeshRequest>* StartUploadMesh(
     const ServiceContext& context, const std::string& tenant,
     v1::UploadMeshResponse* response) {
+  auto place = context.uploads->Of(tenant).Reserve(1);
+  if (!place.ok()) {
+    return new Refused<grpc::ServerReadReactor<v1::UploadMeshRequest>>(
+        TenantUploadsQuota(tenant, context.uploads->share_bytes(),
+                           kRetryUploadQuota));
+  }
   // Not make_shared: the weak reference of the alarm would keep its memory.
   const std::shared_ptr<UploadMeshReactor> reactor(
-      new UploadMeshReactor(context, tenant, response));
+      new UploadMeshReactor(context, tenant, *std::move(place), response));
   reactor->Begin();
   return reactor.get();
 }

@@ -167,8 +167,10 @@ struct JobRecord {
   std::string call_id;
   /// SHA-256 of the request that came with `request_id`.
   std::string request_sha256;
-  /// Jobs of a higher one start first.
+  /// Jobs of a higher one start first: of the tenant, and, as far as its key
+  /// allows, of all tenants.
   std::int32_t priority = 0;
+  std::int32_t shared_priority = 0;
   /// Threads that memory_estimate_bytes counts with; 0 as of a run.
   std::int32_t threads = 0;
   /// How often it was started.

@@ -160,7 +160,8 @@ class FuzzedUploads {
   }
 
   bool HasRoom(const std::string& content) {
-    return partials_.Reserve(static_cast<std::int64_t>(content.size())).ok();
+    return partials_.Reserve(kTenant, static_cast<std::int64_t>(content.size()))
+        .ok();
   }
 
   /// Returns whether the content is in the store.
@@ -188,7 +189,8 @@ class FuzzedUploads {
   MemoryBlobStore blobs_{1 << 20};
   MemoryBudget budget_{kBudgetBytes};
   ManualExecutor timers_;
-  PartialUploads partials_{&budget_, &timers_, absl::Minutes(5)};
+  TenantBudgets budgets_{&budget_, budget_.total_bytes()};
+  PartialUploads partials_{&budgets_, &timers_, absl::Minutes(5)};
   std::array<std::optional<MeshUpload>, kStreams> streams_;
   /// Where the next right byte of each stream is.
   std::array<std::uint64_t, kStreams> sent_ = {};

@@ -57,6 +57,8 @@ TEST(ServerConfigTest, EveryRangeIsChecked) {
        [](auto& c) { c.max_bytes_per_tenant = -1; }},
       {"--max-bytes-per-tenant = 515MiB, expected 516MiB to ",
        [](auto& c) { c.max_bytes_per_tenant = 515 << 20; }},
+      {"--max-priority = 101, expected 0 to 100",
+       [](auto& c) { c.max_priority = 101; }},
       {"--job-retention = 1s, expected 1m to 87648h",
        [](auto& c) { c.job_retention = absl::Seconds(1); }},
       {"--drain-timeout = 25h, expected 0 to 24h",

@@ -161,6 +161,9 @@ class JobStatus:
 
 @dataclass(frozen=True)
 class Limits:
+    """Of requests and of the server; those of one tenant are the caller's, where
+    0 stands for no limit of its own."""
+
     max_request_bytes: int
     max_chunk_bytes: int
     max_mesh_bytes: int
@@ -168,6 +171,14 @@ class Limits:
     max_faces: int
     max_landmarks: int
     max_queued_jobs: int
+    max_queued_jobs_per_tenant: int
+    max_running_jobs_per_tenant: int
+    max_bytes_per_tenant: int
+    max_kept_jobs_per_tenant: int
+    max_uploads_per_tenant: int
+    max_upload_bytes_per_tenant: int
+    max_requests_per_tenant: int
+    max_priority: int
 
 
 @dataclass(frozen=True)

@@ -62,7 +62,8 @@ class MeshUploadTest : public testing::Test {
   std::optional<MemoryBlobStore> blobs_{std::in_place, 1 << 20};
   MemoryBudget budget_{100};
   ManualExecutor timers_;
-  PartialUploads partials_{&budget_, &timers_, absl::Minutes(5)};
+  TenantBudgets budgets_{&budget_, budget_.total_bytes()};
+  PartialUploads partials_{&budgets_, &timers_, absl::Minutes(5)};
 };
 
 TEST_F(MeshUploadTest, TheRestFromTheOffsetOnCompletesTheMesh) {
@@ -72,7 +73,7 @@ TEST_F(MeshUploadTest, TheRestFromTheOffsetOnCompletesTheMesh) {
     EXPECT_EQ(Received(), 6);
     MeshUpload upload = NewUpload();
     ASSERT_THAT(upload.Take(Header(offset)), IsOk());
-    EXPECT_EQ(budget_.reserved_bytes(), 10);
+    EXPECT_EQ(budget_.reserved_bytes(), offset);
     EXPECT_EQ(Received(), 0);  // they are the new stream's now
     ASSERT_THAT(upload.Take(Chunk(bytes_.substr(offset))), IsOk());
     ASSERT_THAT(upload.End(), IsOk());
@@ -148,6 +149,29 @@ TEST_F(MeshUploadTest, MessagesAfterTheEndAreRefused) {
   EXPECT_THAT(upload.End(), Malformed("over"));
   EXPECT_THAT(NewUpload().Take({}), Malformed("an empty message"));
   EXPECT_THAT(NewUpload().End(), Malformed("no header"));
+}
+
+TEST_F(MeshUploadTest, TakesRoomForWhatHasComeOnly) {
+  MeshUpload upload = NewUpload();
+  ASSERT_THAT(upload.Take(Header()), IsOk());
+  EXPECT_EQ(budget_.reserved_bytes(), 0);
+  ASSERT_THAT(upload.Take(Chunk("0123")), IsOk());
+  EXPECT_EQ(budget_.reserved_bytes(), 4);
+}
+
+TEST_F(MeshUploadTest, WhatHasComeIsKeptWhenThereIsNoRoomForTheRest) {
+  MeshUpload upload = NewUpload();
+  ASSERT_THAT(upload.Take(Header()), IsOk());
+  ASSERT_THAT(upload.Take(Chunk("0123")), IsOk());
+  auto others = budget_.Reserve(95);
+  ASSERT_THAT(others, IsOk());
+  EXPECT_EQ(DetailsOf(upload.Take(Chunk("45"))).reason, "UPLOAD_QUOTA");
+  EXPECT_EQ(Received(), 4);
+  *others = MemoryBudget::Reservation();
+  MeshUpload again = NewUpload();
+  ASSERT_THAT(again.Take(Header(4)), IsOk());
+  ASSERT_THAT(again.Take(Chunk("456789")), IsOk());
+  EXPECT_THAT(again.End(), IsOk());
 }
 
 TEST_F(MeshUploadTest, WhatIsKeptSurvivesThatThereIsNoRoomToGoOn) {

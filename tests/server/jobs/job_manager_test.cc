@@ -67,7 +67,7 @@ TEST_F(JobManagerTest, AFullQueueRefusesAndSaysWhenToTryAgain) {
 }
 
 TEST_F(JobManagerTest, OneTenantCannotFillTheQueue) {
-  Restart({.max_queued_jobs = 10, .max_queued_jobs_per_tenant = 1});
+  Restart({.max_queued_jobs = 10, .tenant = {.queued_jobs = 1}});
   for (int i = 0; i < 2; ++i) Create();  // one runs, one waits
   const absl::Status refused = manager_->Create(caller_, Needing(1)).status();
   EXPECT_THAT(refused, StatusIs(absl::StatusCode::kResourceExhausted, _));
@@ -77,7 +77,7 @@ TEST_F(JobManagerTest, OneTenantCannotFillTheQueue) {
 }
 
 TEST_F(JobManagerTest, OneTenantCannotTakeAllPlacesAtOnce) {
-  Restart({.max_queued_jobs = 10, .max_queued_jobs_per_tenant = 2});
+  Restart({.max_queued_jobs = 10, .tenant = {.queued_jobs = 2}});
   std::vector<JobManager::Place> places;
   for (int i = 0; i < 2; ++i) {
     auto place = manager_->TakePlace(caller_, "");
@@ -92,7 +92,7 @@ TEST_F(JobManagerTest, OneTenantCannotTakeAllPlacesAtOnce) {
 }
 
 TEST_F(JobManagerTest, OneTenantCannotFillTheStore) {
-  Restart({.max_bytes_per_tenant = 100});
+  Restart({.tenant = {.stored_bytes = 100}});
   const auto with_input = [](char fill, std::size_t size) {
     JobSpec spec = Needing(1);
     std::string bytes(size, fill);

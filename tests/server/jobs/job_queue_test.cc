@@ -1,5 +1,7 @@
 #include "server/jobs/job_queue.h"
 
+#include <limits>
+#include <map>
 #include <memory>
 #include <random>
 #include <set>
@@ -15,6 +17,9 @@
 namespace isomatch {
 namespace {
 
+constexpr int kNoLimit = std::numeric_limits<int>::max();
+
+/// Its priority counts among tenants too.
 std::shared_ptr<LiveJob> NewJob(const std::string& id, std::int64_t bytes,
                                 const std::string& tenant = "a",
                                 int priority = 0) {
@@ -22,6 +27,7 @@ std::shared_ptr<LiveJob> NewJob(const std::string& id, std::int64_t bytes,
   job->id = id;
   job->tenant = tenant;
   job->priority = priority;
+  job->shared_priority = priority;
   job->memory_estimate_bytes = bytes;
   return job;
 }
@@ -32,7 +38,7 @@ std::string IdOf(const std::shared_ptr<LiveJob>& job) {
 
 TEST(JobQueueTest, IsFirstComeFirstServedWhenAllFit) {
   MemoryBudget budget(100);
-  JobQueue queue(2);
+  JobQueue queue(2, kNoLimit);
   queue.Push(NewJob("a", 10));
   queue.Push(NewJob("b", 10));
   EXPECT_EQ(IdOf(queue.PopFitting(budget)), "a");
@@ -41,7 +47,7 @@ TEST(JobQueueTest, IsFirstComeFirstServedWhenAllFit) {
 }
 
 TEST(JobQueueTest, CountsByPriority) {
-  JobQueue queue(2);
+  JobQueue queue(2, kNoLimit);
   EXPECT_TRUE(queue.CountByPriority().empty());
   queue.Push(NewJob("a", 1, "x", 5));
   queue.Push(NewJob("b", 1, "y", 5));
@@ -56,7 +62,7 @@ TEST(JobQueueTest, CountsByPriority) {
 TEST(JobQueueTest, ASmallJobPassesALargeOneOnlySoManyTimes) {
   MemoryBudget budget(100);
   const auto other = budget.Reserve(50);
-  JobQueue queue(/*max_passes=*/2);
+  JobQueue queue(/*max_passes=*/2, kNoLimit);
   queue.Push(NewJob("large", 80));
   for (const char* id : {"a", "b", "c"}) queue.Push(NewJob(id, 1));
   EXPECT_EQ(IdOf(queue.PopFitting(budget)), "a");
@@ -67,7 +73,7 @@ TEST(JobQueueTest, ASmallJobPassesALargeOneOnlySoManyTimes) {
 
 TEST(JobQueueTest, APoppedJobHoldsItsReservation) {
   MemoryBudget budget(100);
-  JobQueue queue(2);
+  JobQueue queue(2, kNoLimit);
   queue.Push(NewJob("a", 70));
   const auto job = queue.PopFitting(budget);
   EXPECT_EQ(budget.reserved_bytes(), 70);
@@ -77,7 +83,7 @@ TEST(JobQueueTest, APoppedJobHoldsItsReservation) {
 
 TEST(JobQueueTest, IsLeftByAnyDoor) {
   MemoryBudget budget(100);
-  JobQueue queue(2);
+  JobQueue queue(2, kNoLimit);
   for (const char* id : {"a", "b", "c"}) queue.Push(NewJob(id, 1));
   EXPECT_EQ(IdOf(queue.Remove("b")), "b");
   EXPECT_EQ(IdOf(queue.Remove("b")), "none");
@@ -103,7 +109,7 @@ std::vector<std::string> Order(JobQueue& queue, MemoryBudget& budget) {
 
 TEST(JobQueueTest, AHigherPriorityGoesFirst) {
   MemoryBudget budget(100);
-  JobQueue queue(2);
+  JobQueue queue(2, kNoLimit);
   queue.Push(NewJob("low", 1, "a", -5));
   queue.Push(NewJob("usual", 1, "a", 0));
   queue.Push(NewJob("high", 1, "b", 7));
@@ -114,43 +120,206 @@ TEST(JobQueueTest, AHigherPriorityGoesFirst) {
               testing::ElementsAre("high", "high too", "usual", "low"));
 }
 
-TEST(JobQueueTest, TenantsTakeTurns) {
-  MemoryBudget budget(100);
-  JobQueue queue(2);
-  for (const char* id : {"a1", "a2", "a3", "a4"}) {
-    queue.Push(NewJob(id, 1, "a"));
+void PushMany(JobQueue& queue, const std::string& tenant, int count,
+              int priority = 0) {
+  for (int i = 1; i <= count; ++i) {
+    queue.Push(NewJob(absl::StrCat(tenant, i), 1, tenant, priority));
   }
-  queue.Push(NewJob("b1", 1, "b"));
-  queue.Push(NewJob("b2", 1, "b"));
-  queue.Push(NewJob("c1", 1, "c"));
+}
+
+TEST(JobQueueTest, TenantsTakeTurnsOnOneWorkerToo) {
+  MemoryBudget budget(100);
+  JobQueue queue(2, kNoLimit);
+  PushMany(queue, "a", 4);
+  PushMany(queue, "b", 2);
+  PushMany(queue, "c", 1);
   EXPECT_EQ(queue.JobsAhead("c1"), 2);
   EXPECT_EQ(queue.JobsAhead("a2"), 3);
-  // None has ended: each that runs counts.
+  EXPECT_THAT(Order(queue, budget),
+              testing::ElementsAre("a1", "b1", "c1", "a2", "b2", "a3", "a4"));
+}
+
+TEST(JobQueueTest, TenantsTakeTurnsWhileNoneEnds) {
+  MemoryBudget budget(100);
+  JobQueue queue(2, kNoLimit);
+  PushMany(queue, "a", 4);
+  PushMany(queue, "b", 2);
+  PushMany(queue, "c", 1);
   std::vector<std::string> order;
   while (const auto job = queue.PopFitting(budget)) order.push_back(job->id);
   EXPECT_THAT(order,
               testing::ElementsAre("a1", "b1", "c1", "a2", "b2", "a3", "a4"));
 }
 
+TEST(JobQueueTest, WhoComesLateGetsItsTurnNextAndNoMore) {
+  MemoryBudget budget(100);
+  JobQueue queue(2, kNoLimit);
+  PushMany(queue, "a", 40);
+  auto running = queue.PopFitting(budget);
+  for (int i = 0; i < 9; ++i) {
+    queue.OnEnded("a");
+    running = queue.PopFitting(budget);
+  }
+  PushMany(queue, "b", 3);
+  EXPECT_EQ(queue.JobsAhead("b1"), 0);
+  EXPECT_EQ(queue.JobsAhead("b2"), 2);
+  queue.OnEnded("a");
+  const std::vector<std::string> order = Order(queue, budget);
+  EXPECT_THAT(
+      std::vector(order.begin(), order.begin() + 7),
+      testing::ElementsAre("b1", "a11", "b2", "a12", "b3", "a13", "a14"));
+}
+
+TEST(JobQueueTest, WhoSendsOneAfterTheOtherHasNoAdvantage) {
+  MemoryBudget budget(100);
+  JobQueue queue(2, kNoLimit);
+  PushMany(queue, "a", 10);
+  PushMany(queue, "c", 10);
+  std::string order;
+  for (int i = 1; i <= 9; ++i) {
+    // Its next one comes when the last has ended.
+    if (queue.CountOf("b") == 0) {
+      queue.Push(NewJob(absl::StrCat("b", i), 1, "b"));
+    }
+    const auto job = queue.PopFitting(budget);
+    order += job->tenant;
+    queue.OnEnded(job->tenant);
+  }
+  EXPECT_EQ(order, "acbacbacb");
+}
+
+TEST(JobQueueTest, AnyNumberOfWorkersIsSharedEquallyOverTime) {
+  for (const int workers : {1, 2, 3, 4, 5}) {
+    SCOPED_TRACE(workers);
+    MemoryBudget budget(100);
+    JobQueue queue(2, kNoLimit);
+    PushMany(queue, "a", 600);
+    PushMany(queue, "b", 600);
+    std::mt19937 random(workers);
+    std::vector<std::string> running;
+    std::map<std::string, int> starts;
+    for (int i = 0; i < 600; ++i) {
+      if (static_cast<int>(running.size()) == workers) {
+        std::swap(running[random() % running.size()], running.back());
+        queue.OnEnded(running.back());
+        running.pop_back();
+      }
+      const auto job = queue.PopFitting(budget);
+      job->Release();
+      ++starts[job->tenant];
+      running.push_back(job->tenant);
+    }
+    EXPECT_NEAR(starts["a"], starts["b"], 60);
+  }
+}
+
 TEST(JobQueueTest, WhoHasOneRunningWaitsForWhoHasNone) {
   MemoryBudget budget(100);
-  JobQueue queue(2);
-  queue.Push(NewJob("a1", 1, "a"));
-  queue.Push(NewJob("a2", 1, "a"));
+  JobQueue queue(2, kNoLimit);
+  PushMany(queue, "a", 2);
   EXPECT_EQ(IdOf(queue.PopFitting(budget)), "a1");
   queue.Push(NewJob("b1", 1, "b"));
   EXPECT_EQ(IdOf(queue.PopFitting(budget)), "b1");
   queue.OnEnded("b");
   queue.Push(NewJob("b2", 1, "b"));
   EXPECT_EQ(queue.JobsAhead("b2"), 0);
-  queue.OnEnded("a");  // both have none now: first come first served
+  queue.OnEnded("a");  // both have none now: a was served before b
   EXPECT_EQ(queue.JobsAhead("b2"), 1);
+}
+
+TEST(JobQueueTest, ATenantRunsNoMoreThanItMay) {
+  MemoryBudget budget(100);
+  JobQueue queue(2, /*max_running_per_tenant=*/2);
+  PushMany(queue, "a", 4);
+  EXPECT_EQ(IdOf(queue.PopFitting(budget)), "a1");
+  EXPECT_EQ(IdOf(queue.PopFitting(budget)), "a2");
+  EXPECT_EQ(IdOf(queue.PopFitting(budget)), "none");
+  PushMany(queue, "b", 1);
+  EXPECT_EQ(IdOf(queue.PopFitting(budget)), "b1");
+  queue.OnEnded("a");
+  EXPECT_EQ(IdOf(queue.PopFitting(budget)), "a3");
+}
+
+TEST(JobQueueTest, AJobThatComesBackHasItsPlaceAndItsTenantsTurn) {
+  MemoryBudget budget(100);
+  JobQueue queue(2, kNoLimit);
+  PushMany(queue, "a", 3);
+  PushMany(queue, "b", 3);
+  const auto first = queue.PopFitting(budget);
+  first->Release();
+  queue.OnEnded("a");
+  queue.Push(first);
+  EXPECT_EQ(queue.JobsAhead("a1"), 0);
+  EXPECT_THAT(Order(queue, budget),
+              testing::ElementsAre("a1", "b1", "a2", "b2", "a3", "b3"));
+}
+
+TEST(JobQueueTest, OwnPrioritiesOrderOwnJobsOnly) {
+  MemoryBudget budget(100);
+  JobQueue queue(2, kNoLimit);
+  for (const int priority : {1, 100, 50}) {
+    const auto job = NewJob(absl::StrCat("a", priority), 1, "a", priority);
+    job->shared_priority = 0;
+    queue.Push(job);
+  }
+  PushMany(queue, "b", 3);
+  EXPECT_THAT(Order(queue, budget),
+              testing::ElementsAre("a100", "b1", "a50", "b2", "a1", "b3"));
+}
+
+TEST(JobQueueTest, WhoIsOvertakenEightTimesHasATurn) {
+  MemoryBudget budget(100);
+  JobQueue queue(2, kNoLimit);
+  PushMany(queue, "b", 2);
+  PushMany(queue, "a", 20, /*priority=*/100);
+  PushMany(queue, "c", 1, /*priority=*/-100);
+  const int most = JobQueue::kMaxOvertakes;
+  // Both were overtaken equally often: b came first.
+  EXPECT_EQ(queue.JobsAhead("b1"), most);
+  EXPECT_EQ(queue.JobsAhead("c1"), most + 1);
+  EXPECT_EQ(queue.JobsAhead("b2"), 2 * most + 2);
+  std::vector<std::string> order = Order(queue, budget);
+  EXPECT_EQ(order[most], "b1");
+  EXPECT_EQ(order[most + 1], "c1");
+  EXPECT_EQ(order[2 * most + 2], "b2");
+}
+
+TEST(JobQueueTest, PositionsAreTheOrderOfStarts) {
+  MemoryBudget budget(100'000);
+  std::mt19937 random(5);
+  for (int round = 0; round < 200; ++round) {
+    SCOPED_TRACE(round);
+    JobQueue queue(3, kNoLimit);
+    std::vector<std::string> ids;
+    // What happened before does not matter either.
+    const int steps = static_cast<int>(random() % 60);
+    for (int step = 0; step < steps; ++step) {
+      if (random() % 4 == 0) {
+        const auto job = queue.PopFitting(budget);
+        if (job != nullptr && random() % 2 == 0) queue.OnEnded(job->tenant);
+        continue;
+      }
+      queue.Push(NewJob(absl::StrCat(step), 1, absl::StrCat(random() % 4),
+                        static_cast<int>(random() % 3)));
+    }
+    std::map<int, std::string> by_position;
+    for (int step = 0; step < steps; ++step) {
+      const int ahead = queue.JobsAhead(absl::StrCat(step));
+      if (ahead > 0) by_position[ahead] = absl::StrCat(step);
+    }
+    std::vector<std::string> order;
+    while (const auto job = queue.PopFitting(budget)) order.push_back(job->id);
+    ASSERT_EQ(by_position.size(), order.empty() ? 0 : order.size() - 1);
+    for (const auto& [ahead, id] : by_position) {
+      EXPECT_EQ(order[static_cast<size_t>(ahead)], id);
+    }
+  }
 }
 
 TEST(JobQueueTest, NobodyIsForgottenWhateverComes) {
   constexpr int kSteps = 3000;
   MemoryBudget budget(100);
-  JobQueue queue(3);
+  JobQueue queue(3, kNoLimit);
   std::mt19937 random(11);
   std::set<std::string> waiting;
   std::vector<std::shared_ptr<LiveJob>> running;

@@ -111,5 +111,24 @@ TEST(MemoryBudgetTest, ThreadsNeverReserveMoreThanThereIs) {
   EXPECT_EQ(budget.reserved_bytes(), 0);
 }
 
+TEST(MemoryBudgetTest, APartIsReservedOfTheWholeToo) {
+  MemoryBudget whole(100);
+  MemoryBudget a(60, &whole);
+  MemoryBudget b(60, &whole);
+  auto first = a.Reserve(50);
+  ASSERT_THAT(first, IsOk());
+  EXPECT_THAT(a.Reserve(20), StatusIs(absl::StatusCode::kResourceExhausted, _));
+  EXPECT_THAT(b.Reserve(55), StatusIs(absl::StatusCode::kResourceExhausted, _));
+  EXPECT_EQ(b.reserved_bytes(), 0);  // what the whole refused was given back
+  auto second = b.Reserve(40);
+  ASSERT_THAT(second, IsOk());
+  EXPECT_EQ(whole.reserved_bytes(), 90);
+  first->ShrinkTo(10);
+  EXPECT_EQ(whole.reserved_bytes(), 50);
+  *second = MemoryBudget::Reservation();
+  EXPECT_EQ(b.reserved_bytes(), 0);
+  EXPECT_EQ(whole.reserved_bytes(), 10);
+}
+
 }  // namespace
 }  // namespace isomatch

@@ -25,6 +25,12 @@ std::string Line(const std::string& words, const std::string& key) {
   return absl::StrCat(words, " ", Sha256Hex(key), "\n");
 }
 
+/// The same with a fifth word.
+std::string LineWith(const std::string& words, const std::string& key,
+                     const std::string& word) {
+  return absl::StrCat(words, " ", Sha256Hex(key), " ", word, "\n");
+}
+
 TEST(ApiKeysTest, LinesAreReadAndTheirKeysFound) {
   const auto keys = ParseApiKeys(
       absl::StrCat("# of the lab\n\n", Line("alice lab read", "a"),
@@ -53,6 +59,12 @@ TEST(ApiKeysTest, WhatIsWrongIsToldByLineWithoutAnyOfItsWords) {
       {"# only a comment\n", "no key in it"},
       {good + "bob secret", "line 2, expected name, tenant, role and SHA-256"},
       {good + "\n" + Line("bob lab secret", "b"), "line 3, expected a role"},
+      {LineWith("alice lab read", "a", "50"),
+       "line 1, expected max-priority=N"},
+      {LineWith("alice lab read", "a", "max-priority=101"),
+       "line 1, expected max-priority=N as the fifth word, N from 0 to 100"},
+      {LineWith("alice lab read", "a", "max-priority=-1"), "N from 0 to 100"},
+      {LineWith("alice lab read", "a", "max-priority=1 x"), "line 1, expected"},
       {good + "bob lab read secret", "line 2, expected as the fourth word"},
       {Line("Secret lab read", "a"), "line 1, expected a name and a tenant"},
       {Line("alice secret! read", "a"), "line 1, expected a name"},
@@ -65,6 +77,16 @@ TEST(ApiKeysTest, WhatIsWrongIsToldByLineWithoutAnyOfItsWords) {
         StatusIs(kInvalid, AllOf(HasSubstr(problem), Not(HasSubstr("ecret")))))
         << text;
   }
+}
+
+TEST(ApiKeysTest, AKeySaysHowFarItsPrioritiesCountOrTheServerDoes) {
+  const auto keys =
+      ParseApiKeys(LineWith("alice lab read", "a", "max-priority=70") +
+                       Line("bob lab read", "b"),
+                   /*max_priority=*/5);
+  ASSERT_THAT(keys, IsOk());
+  EXPECT_EQ(FindApiKey(*keys, "a")->caller.max_priority, 70);
+  EXPECT_EQ(FindApiKey(*keys, "b")->caller.max_priority, 5);
 }
 
 TEST(ApiKeysTest, AFreshKeyIsFoundByItsLine) {

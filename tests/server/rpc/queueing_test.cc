@@ -49,7 +49,7 @@ class QueueingTest : public TestServer {
         absl::StrCat("admin all admin ", Sha256Hex("admin"), "\n");
     for (const char* tenant : {"a", "b", "c"}) {
       absl::StrAppend(&keys, tenant, " ", tenant, " submit ", Sha256Hex(tenant),
-                      "\n");
+                      " max-priority=100\n");
     }
     config.api_keys = folder_.Write("keys", keys);
     Restart(config, HeldEngine());
@@ -166,35 +166,72 @@ class QueueingTest : public TestServer {
   int most_used_units_ ABSL_GUARDED_BY(mutex_) = 0;
 };
 
-/// The rule, said once more and slowly: which of the `waiting` starts next when
-/// the `running` run.
-int NextByRule(const std::vector<Asked>& asked, const std::set<int>& waiting,
-               const std::set<int>& running) {
-  const auto is_before = [&](int a, int b) {
-    if (asked[a].priority != asked[b].priority) {
-      return asked[a].priority > asked[b].priority;
+/// The rule, said once more and slowly.
+class Rule {
+ public:
+  explicit Rule(const std::vector<Asked>& asked) : asked_(asked) {}
+
+  /// Which of the `waiting` starts next when the `running` run.
+  int Next(const std::set<int>& waiting, const std::set<int>& running) const {
+    const std::vector<int> next = NextOfTenants(waiting);
+    return *std::min_element(next.begin(), next.end(), [&](int a, int b) {
+      return Rank(a, running) < Rank(b, running);
+    });
+  }
+
+  /// It starts, the `waiting` do not.
+  void Start(int job, const std::set<int>& waiting) {
+    for (const int other : NextOfTenants(waiting)) {
+      if (!IsRisen(job) && asked_[other].priority < asked_[job].priority) {
+        ++overtakes_[asked_[other].tenant];
+      }
     }
-    const auto turn = [&](int job) {
-      const auto is_of_tenant = [&](int other) {
-        return asked[other].tenant == asked[job].tenant;
-      };
-      const auto runs =
-          std::count_if(running.begin(), running.end(), is_of_tenant);
-      const auto waits =
-          std::count_if(waiting.begin(), waiting.end(), [&](int other) {
-            return other < job && is_of_tenant(other) &&
-                   asked[other].priority == asked[job].priority;
-          });
-      return runs + waits;
-    };
-    return turn(a) != turn(b) ? turn(a) < turn(b) : a < b;
-  };
-  return *std::min_element(waiting.begin(), waiting.end(), is_before);
-}
+    overtakes_[asked_[job].tenant] = 0;
+    last_served_[asked_[job].tenant] = ++starts_;
+  }
+
+ private:
+  bool IsRisen(int job) const {
+    const auto found = overtakes_.find(asked_[job].tenant);
+    return found != overtakes_.end() && found->second >= 8;
+  }
+
+  /// The smallest goes first.
+  std::vector<int> Rank(int job, const std::set<int>& running) const {
+    const std::string& tenant = asked_[job].tenant;
+    const auto runs = std::count_if(
+        running.begin(), running.end(),
+        [&](int other) { return asked_[other].tenant == tenant; });
+    const auto served = last_served_.find(tenant);
+    const bool is_risen = IsRisen(job);
+    return {is_risen ? 0 : 1, is_risen ? 0 : -asked_[job].priority,
+            static_cast<int>(runs),
+            served == last_served_.end() ? 0 : served->second, job};
+  }
+
+  std::vector<int> NextOfTenants(const std::set<int>& waiting) const {
+    std::map<std::string, int> next;
+    for (const int job : waiting) {
+      const auto [found, is_first] = next.emplace(asked_[job].tenant, job);
+      if (is_first || asked_[job].priority > asked_[found->second].priority) {
+        found->second = job;
+      }
+    }
+    std::vector<int> jobs;
+    for (const auto& [tenant, job] : next) jobs.push_back(job);
+    return jobs;
+  }
+
+  const std::vector<Asked>& asked_;
+  int starts_ = 0;
+  std::map<std::string, int> last_served_;
+  std::map<std::string, int> overtakes_;
+};
 
 TEST_F(QueueingTest, FiftyJobsStartByPriorityThenInTurnsThenByAge) {
   std::mt19937_64 random(3);
   std::vector<Asked> asked;
+  Rule rule(asked);
   std::set<int> waiting;
   for (int job = 0; job < kJobs; ++job) {
     // Most are of tenant a, which must not keep the others waiting.
@@ -204,6 +241,7 @@ TEST_F(QueueingTest, FiftyJobsStartByPriorityThenInTurnsThenByAge) {
     Create(asked.back());
     if (job < kWorkers) {
       Started(job + 1);
+      rule.Start(job, {});
     } else {
       waiting.insert(job);
     }
@@ -213,11 +251,12 @@ TEST_F(QueueingTest, FiftyJobsStartByPriorityThenInTurnsThenByAge) {
   for (int ended = 0; ended + kWorkers < kJobs; ++ended) {
     const std::vector<int> started = Started(ended + kWorkers);
     running.erase(started[ended]);
-    const int next = NextByRule(asked, waiting, running);
+    const int next = rule.Next(waiting, running);
     End(started[ended]);
     ASSERT_EQ(Started(ended + kWorkers + 1).back(), next)
         << "after " << ended + 1 << " have ended";
     waiting.erase(next);
+    rule.Start(next, waiting);
     running.insert(next);
     Info();
   }

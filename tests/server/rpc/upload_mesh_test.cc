@@ -160,12 +160,20 @@ TEST_F(UploadMeshTest, WhatUnfinishedUploadsMayHoldTogetherIsBounded) {
   request.mutable_header()->set_sha256(std::string(64, 'a'));
   request.mutable_header()->set_size_bytes(8 << 20);
   grpc::ClientContext context;
-  const auto open = stub_->UploadMesh(&context, &response_);
+  v1::UploadMeshResponse never;
+  const auto open = stub_->UploadMesh(&context, &never);
   open->Write(request);
   v1::Digest other = request.header();
   other.set_sha256(std::string(64, 'b'));
-  absl::SleepFor(absl::Milliseconds(200));  // until the first has arrived
-  const CallError error = ErrorOf(Upload(other, {}));
+  // What it says it will bring takes no room from others.
+  EXPECT_EQ(ErrorOf(Upload(other, {})).reason, "UPLOAD_MALFORMED");
+  request.set_chunk("x");
+  open->Write(request);
+  CallError error = ErrorOf(Upload(other, {}));
+  while (error.reason == "UPLOAD_MALFORMED") {  // until it has arrived
+    absl::SleepFor(absl::Milliseconds(1));
+    error = ErrorOf(Upload(other, {}));
+  }
   EXPECT_EQ(error.reason, "UPLOAD_QUOTA");
   EXPECT_TRUE(error.has_retry);
   // Others create their jobs meanwhile.

@@ -60,6 +60,7 @@ JobRecord FullRecord() {
   record.call_id = "call";
   record.request_sha256 = "bb";
   record.priority = -7;
+  record.shared_priority = -8;
   record.threads = 3;
   record.attempt = 2;
   record.queue_timeout = absl::Milliseconds(1500);

@@ -1,0 +1,59 @@
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <map>
+#include <string>
+
+#include "core/base/mutex.h"
+#include "server/jobs/executor.h"
+
+namespace isomatch {
+
+/// Runs tasks of tenants in turns: next is the first task of the tenant that
+/// was served least recently, of those of which fewer than
+/// `max_running_per_tenant` run. With one thread more than that, the tasks of a
+/// tenant wait for none of another's, however many and slow they are; else for
+/// one.
+///
+/// Remembers every tenant; there are as many as API keys. Thread-safe. No lock
+/// is held while a task runs.
+class TenantTurns {
+ public:
+  struct Limits {
+    /// Tasks of one tenant that run at a time, and that wait.
+    int max_running_per_tenant = 1;
+    int max_waiting_per_tenant = 1;
+  };
+
+  /// As many tasks run at a time as `executor` has threads. It outlives this
+  /// object, or is joined before.
+  TenantTurns(const Limits& limits, Executor* executor)
+      : limits_(limits), executor_(executor) {}
+
+  /// Takes a task; false when too many of the tenant wait.
+  bool Post(const std::string& tenant, std::function<void()> task);
+
+ private:
+  struct Tenant {
+    std::deque<std::function<void()>> waiting;
+    int running = 0;
+    /// Number of its last start among all; 0 for none.
+    std::uint64_t last_served = 0;
+  };
+
+  /// Runs tasks until none may run.
+  void Run();
+  bool RunOne();
+  /// Returns whose turn it is; null when no task may run.
+  Tenant* NextTenant() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+
+  const Limits limits_;
+  Executor* const executor_;
+  Mutex mutex_;
+  std::map<std::string, Tenant> tenants_ ABSL_GUARDED_BY(mutex_);
+  std::uint64_t last_served_ ABSL_GUARDED_BY(mutex_) = 0;
+};
+
+}  // namespace isomatch

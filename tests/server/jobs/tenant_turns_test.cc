@@ -1,0 +1,123 @@
+#include "server/jobs/tenant_turns.h"
+
+#include <atomic>
+#include <latch>
+#include <memory>
+#include <new>
+#include <string>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "absl/time/clock.h"
+#include "core/base/mutex.h"
+#include "server/jobs/thread_pool.h"
+
+namespace isomatch {
+namespace {
+
+/// Two threads; of a tenant one task runs and four wait.
+class TenantTurnsTest : public testing::Test {
+ protected:
+  bool Post(const std::string& tenant) {
+    return turns_.Post(tenant, [this, tenant] { Record(tenant); });
+  }
+
+  /// Posts a task that runs until the notification.
+  void Block(const std::string& tenant, std::latch& until) {
+    std::latch started(1);
+    ASSERT_TRUE(turns_.Post(tenant, [&] {
+      started.count_down();
+      until.wait();
+    }));
+    started.wait();
+  }
+
+  void Record(const std::string& tenant) {
+    MutexLock lock(mutex_);
+    order_.push_back(tenant);
+  }
+
+  size_t CountRecorded() {
+    MutexLock lock(mutex_);
+    return order_.size();
+  }
+
+  std::string Order() {
+    pool_.reset();  // waits for all
+    MutexLock lock(mutex_);
+    std::string order;
+    for (const std::string& tenant : order_) order += tenant;
+    return order;
+  }
+
+  std::unique_ptr<ThreadPool> pool_ = std::make_unique<ThreadPool>(2);
+  TenantTurns turns_{{.max_running_per_tenant = 1, .max_waiting_per_tenant = 4},
+                     pool_.get()};
+  Mutex mutex_;
+  std::vector<std::string> order_ ABSL_GUARDED_BY(mutex_);
+};
+
+TEST_F(TenantTurnsTest, ASlowTenantDelaysNobodyElse) {
+  std::latch end(1);
+  Block("a", end);
+  for (int i = 0; i < 4; ++i) EXPECT_TRUE(Post("a"));
+  std::latch done(1);
+  ASSERT_TRUE(turns_.Post("b", [&] { done.count_down(); }));
+  done.wait();  // though the task of a goes on
+  {
+    MutexLock lock(mutex_);
+    EXPECT_TRUE(order_.empty());  // one of a tenant at a time
+  }
+  end.count_down();
+  EXPECT_EQ(Order(), "aaaa");
+}
+
+TEST_F(TenantTurnsTest, TenantsTakeTurns) {
+  std::latch end_x(1);
+  std::latch end_y(1);
+  Block("x", end_x);
+  Block("y", end_y);
+  for (int i = 0; i < 4; ++i) Post("a");
+  for (int i = 0; i < 2; ++i) Post("b");
+  Post("c");
+  end_y.count_down();  // one thread has them all
+  while (CountRecorded() < 7) absl::SleepFor(absl::Milliseconds(1));
+  end_x.count_down();
+  EXPECT_EQ(Order(), "abcabaa");
+}
+
+TEST_F(TenantTurnsTest, TooManyThatWaitAreRefused) {
+  std::latch end(1);
+  Block("a", end);
+  for (int i = 0; i < 4; ++i) EXPECT_TRUE(Post("a"));
+  EXPECT_FALSE(Post("a"));
+  EXPECT_TRUE(Post("b"));
+  end.count_down();
+  EXPECT_EQ(Order().size(), 5);
+}
+
+TEST_F(TenantTurnsTest, ATaskWithoutMemoryIsOverAndTheNextOnesRun) {
+  std::latch end(1);
+  Block("a", end);
+  ASSERT_TRUE(turns_.Post("a", [] { throw std::bad_alloc(); }));
+  EXPECT_TRUE(Post("a"));
+  end.count_down();
+  EXPECT_EQ(Order(), "a");
+}
+
+TEST_F(TenantTurnsTest, NoTaskIsLostHoweverTheyCome) {
+  constexpr int kTasks = 5000;
+  std::atomic<int> ran = 0;
+  for (int i = 0; i < kTasks; ++i) {
+    const std::string tenant(1, static_cast<char>('a' + i % 3));
+    while (!turns_.Post(tenant, [&ran] { ++ran; })) {
+    }
+  }
+  Order();
+  EXPECT_EQ(ran, kTasks);
+}
+
+}  // namespace
+}  // namespace isomatch
