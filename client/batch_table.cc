@@ -44,7 +44,7 @@ constexpr const char* kColumns[] = {
     "vertices_x",  "vertices_y", "seconds",
     "direct",      "best",       "geodesic_distortion",
     "coverage",    "confidence", "symmetry_confidence",
-    "orientation", "message"};
+    "orientation", "verdict",    "message"};
 
 std::vector<std::string> Cells(const BatchRow& row) {
   std::vector<std::string> cells = {row.x, row.y, StateName(row.state)};
@@ -63,6 +63,7 @@ std::vector<std::string> Cells(const BatchRow& row) {
   cells.push_back(absl::StrFormat("%.3f", row.mean_confidence));
   cells.push_back(absl::StrFormat("%.2f", row.symmetry_confidence));
   cells.push_back(absl::StrFormat("%.2f", row.orientation_score));
+  cells.push_back(row.verdict);
   cells.push_back(row.message);
   return cells;
 }
@@ -97,6 +98,13 @@ std::string SummaryLine(const std::vector<BatchRow>& rows) {
       absl::StrFormat("%d pairs: %d done, %d kept from before, %d failed",
                       rows.size(), count(BatchState::kDone),
                       count(BatchState::kKept), count(BatchState::kFailed));
+  for (const char* const level : {"doubtful", "bad"}) {
+    const auto judged = std::count_if(
+        rows.begin(), rows.end(), [level](const BatchRow& row) {
+          return HasMap(row) && row.verdict == level;
+        });
+    if (judged > 0) absl::StrAppend(&line, ", ", judged, " ", level);
+  }
   if (const auto waiting = count(BatchState::kWaiting); waiting > 0) {
     absl::StrAppend(&line, ", ", waiting, " waiting");
   }
@@ -122,13 +130,16 @@ void SetFigures(const BatchRecord& record, BatchRow* row) {
   row->mean_confidence = quality["mean_confidence"];
   row->symmetry_confidence = report["symmetry_confidence"];
   row->orientation_score = report["orientation_score"];
+  row->verdict =
+      report.value("verdict", Json::object()).value("level", std::string());
   row->error = record.error();
 }
 
 std::string FormatBatchTable(const std::vector<BatchRow>& rows) {
   std::vector<std::vector<std::string>> table = {
       {"X", "Y", "state", "n_X", "n_Y", "seconds", "direct", "best",
-       "distortion", "coverage", "confidence", "symmetry", "orient", ""}};
+       "distortion", "coverage", "confidence", "symmetry", "orient", "verdict",
+       ""}};
   for (const BatchRow& row : rows) table.push_back(Cells(row));
   std::vector<std::size_t> widths(table[0].size(), 0);
   for (const std::vector<std::string>& cells : table) {
@@ -174,7 +185,8 @@ std::string FormatBatchJson(const std::vector<BatchRow>& rows) {
                    {"coverage", row.coverage},
                    {"confidence", row.mean_confidence},
                    {"symmetry_confidence", row.symmetry_confidence},
-                   {"orientation", row.orientation_score}});
+                   {"orientation", row.orientation_score},
+                   {"verdict", row.verdict}});
     }
     if (row.error) {
       json["direct"] = row.error->direct;

@@ -36,6 +36,8 @@ struct BatchRow {
   double mean_confidence = 0;
   double symmetry_confidence = 0;
   double orientation_score = 0;
+  /// As VerdictLabel; empty in reports of versions that did not judge.
+  std::string verdict;
   std::optional<BatchError> error;
 };
 

@@ -73,6 +73,7 @@ absl::Status RunGet(const GetArguments& arguments, const Terminal& terminal) {
       client.Fetch(*job, PartsFor(arguments.outputs), terminal.stop);
   if (!result.ok()) return server.Explain(result.status());
   Warn(ResultWarnings(result->info), terminal);
+  TellVerdict(result->info.verdict(), /*quiet=*/false, terminal);
   return WriteOutputs(arguments.outputs,
                       {.mesh_y = &y.mesh, .warnings = y.warnings}, *result,
                       terminal);

@@ -11,6 +11,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "client/progress_display.h"
+#include "client/verdict_text.h"
 
 namespace isomatch {
 namespace {
@@ -60,6 +61,7 @@ void AppendResult(std::string& text, const v1::ResultInfo& result) {
           "symmetry confidence %.2f",
           result.quality().geodesic_distortion(), result.quality().coverage(),
           result.quality().mean_confidence(), result.symmetry_confidence()));
+  AppendLine(text, "verdict", VerdictText(result.verdict()));
   for (const std::string& warning : result.warnings()) {
     AppendLine(text, "warning", warning);
   }
@@ -75,7 +77,8 @@ std::string Detail(const v1::Job& job) {
                              100 * job.progress().total_fraction(),
                              StageLabel(job.progress().stage()));
     case v1::Job::STATE_SUCCEEDED:
-      return absl::StrFormat("%.1f s", job.result().run_seconds());
+      return absl::StrFormat("%.1f s, %s", job.result().run_seconds(),
+                             VerdictLabel(job.result().verdict()));
     case v1::Job::STATE_FAILED:
       return job.error().reason();
     default:

@@ -131,6 +131,7 @@ absl::Status RunMatch(const MatchArguments& arguments,
       server ? RunRemote(request, *server, arguments, terminal)
              : RunEmbedded(request, arguments, terminal));
   Warn(ResultWarnings(result.info), terminal);
+  TellVerdict(result.info.verdict(), arguments.no_progress, terminal);
   ISOMATCH_RETURN_IF_ERROR(
       WriteOutputs(arguments.outputs, facts, result, terminal));
   if (!arguments.json) return absl::OkStatus();

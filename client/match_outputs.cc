@@ -141,6 +141,12 @@ bool HasFiles(const MatchOutputs& outputs) {
   return outputs.map == "-" || !Files(outputs).empty();
 }
 
+void TellVerdict(const v1::Verdict& verdict, bool quiet,
+                 const Terminal& terminal) {
+  if (quiet && verdict.level() == v1::Verdict::LEVEL_GOOD) return;
+  terminal.err << "verdict: " << VerdictText(verdict) << std::endl;
+}
+
 std::vector<std::string> ResultWarnings(const v1::ResultInfo& info) {
   std::vector<std::string> warnings(info.warnings().begin(),
                                     info.warnings().end());

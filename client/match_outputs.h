@@ -36,6 +36,11 @@ bool HasFiles(const MatchOutputs& outputs);
 /// What the user should know about a result.
 std::vector<std::string> ResultWarnings(const v1::ResultInfo& info);
 
+/// Prints the verdict on terminal.err, in one line; with `quiet` only that of a
+/// map that is not good.
+void TellVerdict(const v1::Verdict& verdict, bool quiet,
+                 const Terminal& terminal);
+
 /// True when one of the maps is to be in colours.
 bool NeedColors(const MatchOutputs& outputs);
 

@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "client/progress_display.h"
+#include "client/verdict_text.h"
 
 namespace isomatch {
 namespace {
@@ -54,6 +55,12 @@ Json QualityJson(const v1::MapQuality& quality) {
           {"mean_confidence", quality.mean_confidence()}};
 }
 
+Json VerdictJson(const v1::Verdict& verdict) {
+  return {{"level", VerdictLabel(verdict)},
+          {"reason", verdict.reason()},
+          {"advice", verdict.advice()}};
+}
+
 Json AlternativesJson(const v1::ResultInfo& info) {
   Json alternatives = Json::array();
   for (const v1::Alternative& alternative : info.alternatives()) {
@@ -84,6 +91,7 @@ std::string FormatReport(const MatchResult& result,
   const bool is_paper = info.profile() == v1::PROFILE_PAPER;
   const Json report = {{"mesh_x", MeshJson(info.mesh_x())},
                        {"mesh_y", MeshJson(info.mesh_y())},
+                       {"verdict", VerdictJson(info.verdict())},
                        {"landmarks", LandmarksJson(info)},
                        {"profile", is_paper ? "paper" : "default"},
                        {"random_seed", info.random_seed()},

@@ -109,6 +109,12 @@ void SetQuality(const StoredQuality& quality, v1::MapQuality& proto) {
   proto.set_mean_confidence(quality.mean_confidence);
 }
 
+void SetVerdict(const StoredVerdict& verdict, v1::Verdict& proto) {
+  proto.set_level(static_cast<v1::Verdict::Level>(verdict.level));
+  proto.set_reason(verdict.reason);
+  proto.set_advice(verdict.advice);
+}
+
 void SetLandmark(const StoredLandmark& stored, v1::LandmarkOutcome& proto) {
   proto.mutable_landmark()->set_x(
       static_cast<std::uint32_t>(stored.landmark.x));
@@ -133,6 +139,7 @@ void SetAssessment(const JobResult& result, v1::ResultInfo& proto) {
   proto.set_orientation_score(result.scores.orientation_score);
   SetScores(result.scores, *proto.mutable_scores());
   SetQuality(result.quality, *proto.mutable_quality());
+  SetVerdict(result.verdict, *proto.mutable_verdict());
   proto.set_symmetry_confidence(result.symmetry_confidence);
   for (const StoredScores& scores : result.alternatives) {
     SetScores(scores, *proto.add_alternatives()->mutable_scores());

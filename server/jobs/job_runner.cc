@@ -82,23 +82,17 @@ StoredScores ToStored(const MapScores& scores) {
           .rank_value = scores.rank_value};
 }
 
-/// Over the vertices that have an image.
-double MeanConfidence(const Correspondence& found) {
-  double sum = 0;
-  std::int64_t matched = 0;
-  for (size_t x = 0; x < found.confidence.size(); ++x) {
-    if (found.y_from_x[x] == kNoVertex) continue;
-    sum += found.confidence[x];
-    ++matched;
-  }
-  return matched == 0 ? 0 : sum / static_cast<double>(matched);
-}
-
 StoredQuality QualityOf(const Correspondence& found) {
   return {.geodesic_distortion = found.quality.geodesic_distortion,
           .coverage = found.quality.coverage,
           .area_distortion = found.quality.area_distortion,
-          .mean_confidence = MeanConfidence(found)};
+          .mean_confidence = found.quality.mean_confidence};
+}
+
+StoredVerdict ToStored(Verdict verdict) {
+  return {.level = static_cast<std::int32_t>(verdict.level),
+          .reason = std::move(verdict.reason),
+          .advice = std::move(verdict.advice)};
 }
 
 std::vector<StoredScores> AlternativesOf(const Correspondence& found) {
@@ -130,6 +124,7 @@ JobResult Summarize(const JobSpec& spec, Correspondence found) {
       std::count(found.y_from_x.begin(), found.y_from_x.end(), kNoVertex);
   result.scores = ToStored(found.scores);
   result.quality = QualityOf(found);
+  result.verdict = ToStored(std::move(found.verdict));
   result.symmetry_confidence = found.symmetry_confidence;
   result.alternatives = AlternativesOf(found);
   result.landmarks = LandmarksOf(spec, found);

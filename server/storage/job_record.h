@@ -88,8 +88,8 @@ struct StoredPart {
   std::int64_t bytes = 0;
 };
 
-// Copies of core/pipeline's MapScores, MapQuality and LandmarkOutcome, which
-// this layer does not know; the fields mean the same.
+// Copies of core/pipeline's MapScores, MapQuality, Verdict and LandmarkOutcome,
+// which this layer does not know; the fields mean the same.
 
 struct StoredScores {
   double embedding_error = 0;
@@ -110,6 +110,13 @@ struct StoredQuality {
   double mean_confidence = 0;
 };
 
+struct StoredVerdict {
+  /// The number of core/pipeline's VerdictLevel; 0 where nobody judged.
+  std::int32_t level = 0;
+  std::string reason;
+  std::string advice;
+};
+
 struct StoredLandmark {
   VertexMatch landmark = {};
   bool kept = true;
@@ -126,6 +133,7 @@ struct JobResult {
   std::int64_t unmatched = 0;
   StoredScores scores;
   StoredQuality quality;
+  StoredVerdict verdict;
   double symmetry_confidence = 1;
   /// Scores of the maps that were not chosen, best first.
   std::vector<StoredScores> alternatives;

@@ -66,11 +66,13 @@ NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE_WITH_DEFAULT(StoredQuality,
                                                 geodesic_distortion, coverage,
                                                 area_distortion,
                                                 mean_confidence)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE_WITH_DEFAULT(StoredVerdict, level, reason,
+                                                advice)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE_WITH_DEFAULT(VertexMatch, x, y)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE_WITH_DEFAULT(StoredLandmark, landmark, kept,
                                                 y_found, distance)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE_WITH_DEFAULT(
-    JobResult, mesh_x, mesh_y, parts, unmatched, scores, quality,
+    JobResult, mesh_x, mesh_y, parts, unmatched, scores, quality, verdict,
     symmetry_confidence, alternatives, landmarks, objective, stage_times,
     run_seconds, peak_resident_bytes, warnings, profile, random_seed)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE_WITH_DEFAULT(

@@ -57,7 +57,9 @@ void FindEverything(absl::Span<const Landmark> landmarks,
   found.scores = {1, -0.5, 3, 4, 1.5, 5, 0.25, 7};
   found.alternatives = {{other, {8, 9, 10, 11, 0.5, 12, 13, 14}},
                         {found.y_from_x, {.rank_value = 15}}};
-  found.quality = {0.125, 0.875, 0.0625, /*unmatched=*/0};
+  found.quality = {0.125, 0.875, 0.0625, /*unmatched=*/0,
+                   /*mean_confidence=*/0.375};
+  found.verdict = {VerdictLevel::kDoubtful, "the reason", "the advice"};
   found.symmetry_confidence = 0.125;
   for (const Landmark& landmark : landmarks) {
     found.landmarks.push_back({found.landmarks.empty(), landmark.y, 0.5});

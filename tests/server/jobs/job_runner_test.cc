@@ -58,15 +58,20 @@ TEST_F(JobRunnerTest, TheMapIsLittleEndianAndNoMatchIsAllOnes) {
   EXPECT_GT(outcome->result.peak_resident_bytes, 1 << 20);
 }
 
-TEST_F(JobRunnerTest, TheMeanConfidenceIsThatOfTheMatchedVertices) {
+TEST_F(JobRunnerTest, KeepsWhatIsSaidAboutTheMap) {
   const auto outcome = Run([](auto&&...) {
     Correspondence found;
     found.y_from_x = {0, kNoVertex, 1};
-    found.confidence = {0.25f, 0, 0.75f};
+    found.quality = {.coverage = 0.25, .mean_confidence = 0.5};
+    found.verdict = {VerdictLevel::kBad, "the reason", "the advice"};
     return found;
   });
   ASSERT_THAT(outcome, IsOk());
+  EXPECT_EQ(outcome->result.quality.coverage, 0.25);
   EXPECT_EQ(outcome->result.quality.mean_confidence, 0.5);
+  EXPECT_EQ(outcome->result.verdict.level, 3);
+  EXPECT_EQ(outcome->result.verdict.reason, "the reason");
+  EXPECT_EQ(outcome->result.verdict.advice, "the advice");
 }
 
 TEST_F(JobRunnerTest, MeasuresTheSecondsOfEachStage) {

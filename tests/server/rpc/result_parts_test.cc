@@ -159,9 +159,10 @@ TEST_F(ResultPartsTest, TheFiguresOfTheMapAreTold) {
   EXPECT_EQ(info.quality().geodesic_distortion(), 0.125);
   EXPECT_EQ(info.quality().coverage(), 0.875);
   EXPECT_EQ(info.quality().area_distortion(), 0.0625);
-  double sum = 0;
-  for (int i = 0; i < 42; ++i) sum += 1.0 / (2 + i);
-  EXPECT_NEAR(info.quality().mean_confidence(), sum / 42, 1e-7);
+  EXPECT_EQ(info.quality().mean_confidence(), 0.375);
+  EXPECT_EQ(info.verdict().level(), v1::Verdict::LEVEL_DOUBTFUL);
+  EXPECT_EQ(info.verdict().reason(), "the reason");
+  EXPECT_EQ(info.verdict().advice(), "the advice");
   EXPECT_EQ(info.symmetry_confidence(), 0.125);
   ASSERT_EQ(info.alternatives_size(), 2);
   EXPECT_EQ(info.alternatives(0).scores().rank_value(), 14);
@@ -231,6 +232,7 @@ TEST_F(ResultPartsTest, TheRealMethodMakesConsistentParts) {
   }
   EXPECT_EQ(Get(name, v1::RESULT_PART_CONFIDENCE).bytes.size(), 4 * n);
   EXPECT_GT(job.result().quality().mean_confidence(), 0);
+  EXPECT_NE(job.result().verdict().level(), v1::Verdict::LEVEL_UNSPECIFIED);
   const std::string functional_map =
       Get(name, v1::RESULT_PART_FUNCTIONAL_MAP).bytes;
   const std::uint32_t k = Numbers<std::uint32_t>(functional_map).at(0);

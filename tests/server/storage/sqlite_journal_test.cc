@@ -41,6 +41,7 @@ JobRecord FullRecord() {
   result.unmatched = 3;
   result.scores = {1, 2, 3, 4, 5, 6, 7, 1.0 / 3};
   result.quality = {.1, .2, .3, .4};
+  result.verdict = {3, "the reason", "the advice"};
   result.symmetry_confidence = 0.7;
   result.alternatives = {
       {.rank_value = std::numeric_limits<double>::infinity()}};
