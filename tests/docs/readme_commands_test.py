@@ -30,6 +30,7 @@ ELSEWHERE = {
     ("client/README.md", "C++", "cmake"): (1, "tests/clients/python/cpp_test.py"),
     ("client/README.md", "C++", "cpp"): (1, "tests/clients/python/cpp_test.py"),
     ("proto/README.md", "From a shell", "sh"): (3, "tests/clients/python/buf_test.py"),
+    ("proto/README.md", "In other languages", "sh"): (1, "tests/clients/python/languages_test.py"),
 }
 
 # Flags that the text names by themselves and that are other programs'.
