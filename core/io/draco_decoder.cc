@@ -389,6 +389,14 @@ absl::StatusOr<TriangleMesh> DecodeUnguarded(absl::string_view bytes,
 
 }  // namespace
 
+bool RenumbersVertices(absl::string_view bytes) {
+  draco::DecoderBuffer buffer;
+  buffer.Init(bytes.data(), bytes.size());
+  draco::DracoHeader header;
+  return ReadHeader(buffer, &header).ok() &&
+         header.encoder_method == draco::MESH_EDGEBREAKER_ENCODING;
+}
+
 absl::StatusOr<TriangleMesh> DecodeDraco(absl::string_view bytes,
                                          VertexOrder order,
                                          std::int64_t vertex_count,

@@ -50,6 +50,11 @@ absl::StatusOr<TriangleMesh> DecodeDraco(absl::string_view bytes,
                                          std::int64_t vertex_count,
                                          const DracoLimits& limits = {});
 
+/// Returns whether `bytes` are a mesh encoded by edgebreaker, whose decoder
+/// returns the vertices in another order than the encoder was given them. Reads
+/// the header only.
+bool RenumbersVertices(absl::string_view bytes);
+
 /// A mesh as Draco bytes, and how they number its vertices.
 struct EncodedMesh {
   std::string bytes;

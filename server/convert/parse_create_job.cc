@@ -75,11 +75,29 @@ absl::StatusOr<TriangleMesh> DecodeWithin(const RequestLimits& limits,
   return DecodeDraco(bytes, order, vertex_count, draco);
 }
 
+/// Adds a warning where the map would count vertices in an order that the
+/// client may not know of.
+void WarnOfDracosOrder(v1::VertexOrder order, const std::string& field,
+                       absl::string_view bytes, JobSpec& spec) {
+  if (order != v1::VERTEX_ORDER_UNSPECIFIED || !RenumbersVertices(bytes)) {
+    return;
+  }
+  spec.warnings.push_back(absl::StrCat(
+      field,
+      ": vertex_order is not set and the mesh is encoded by edgebreaker, which "
+      "gives vertices other numbers: landmarks and map count them as Draco's "
+      "decoder returns them, not as they were before they were encoded. Say "
+      "VERTEX_ORDER_ID_ATTRIBUTE and send a vertex_id attribute, or encode "
+      "sequentially; VERTEX_ORDER_DECODED says that this is meant"));
+}
+
+/// Returns a mesh of the request. What it warns of is added to `spec`, which
+/// has the meshes that were read before.
 absl::StatusOr<TriangleMesh> ParseMesh(const v1::Mesh& mesh,
                                        const std::string& field,
                                        const ParseContext& context,
                                        const std::string& tenant,
-                                       std::int64_t held_bytes) {
+                                       JobSpec& spec) {
   ISOMATCH_ASSIGN_OR_RETURN(
       const VertexOrder order,
       ParseVertexOrder(mesh.vertex_order(), field + ".vertex_order"));
@@ -89,11 +107,13 @@ absl::StatusOr<TriangleMesh> ParseMesh(const v1::Mesh& mesh,
                         absl::StrCat(mesh.vertex_count(), ", expected at most ",
                                      limits.max_vertices));
   }
+  std::int64_t held_bytes = MeshBytes(spec);
   BlobStore::Blob held;
   ISOMATCH_ASSIGN_OR_RETURN(
       const absl::string_view bytes,
       FindBytes(mesh, field, context, tenant, held_bytes, held));
   if (held != nullptr) held_bytes += static_cast<std::int64_t>(held->size());
+  WarnOfDracosOrder(mesh.vertex_order(), field, bytes, spec);
   auto decoded = DecodeWithin(context.limits, bytes, order, mesh.vertex_count(),
                               held_bytes);
   if (absl::IsFailedPrecondition(decoded.status())) return decoded.status();
@@ -297,11 +317,10 @@ absl::StatusOr<JobSpec> ParseCreateJob(const v1::CreateJobRequest& request,
                                        const std::string& tenant) {
   JobSpec spec;
   ISOMATCH_RETURN_IF_ERROR(ParseScalars(request, context, spec));
-  ISOMATCH_ASSIGN_OR_RETURN(
-      spec.mesh_x, ParseMesh(request.mesh_x(), "mesh_x", context, tenant, 0));
-  ISOMATCH_ASSIGN_OR_RETURN(
-      spec.mesh_y,
-      ParseMesh(request.mesh_y(), "mesh_y", context, tenant, MeshBytes(spec)));
+  ISOMATCH_ASSIGN_OR_RETURN(spec.mesh_x, ParseMesh(request.mesh_x(), "mesh_x",
+                                                   context, tenant, spec));
+  ISOMATCH_ASSIGN_OR_RETURN(spec.mesh_y, ParseMesh(request.mesh_y(), "mesh_y",
+                                                   context, tenant, spec));
   ISOMATCH_RETURN_IF_ERROR(ParseLandmarks(request, context, spec));
   ISOMATCH_RETURN_IF_ERROR(PlanMemory(context, spec));
   return spec;

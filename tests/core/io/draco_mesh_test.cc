@@ -215,6 +215,33 @@ TEST(DracoMeshTest, WhereAMeshLiesDoesNotMatter) {
   EXPECT_TRUE(at_origin->bytes == far_away->bytes);
 }
 
+TEST(DracoMeshTest, EdgebreakerRenumbersAndSequentialDoesNot) {
+  const TriangleMesh mesh = Shuffled(UnitSphere(2));
+  const absl::StatusOr<EncodedMesh> edgebreaker = EncodeDraco(mesh);
+  ASSERT_THAT(edgebreaker, IsOk());
+  EXPECT_TRUE(RenumbersVertices(edgebreaker->bytes));
+  // Isolated vertices make it sequential.
+  const TriangleMesh apart = WithIsolatedVertices(mesh, 1);
+  const absl::StatusOr<EncodedMesh> sequential = EncodeDraco(apart);
+  ASSERT_THAT(sequential, IsOk());
+  EXPECT_FALSE(RenumbersVertices(sequential->bytes));
+  // What it says is so.
+  const auto in_draco_order =
+      DecodeDraco(edgebreaker->bytes, VertexOrder::kDecoded, 0);
+  const auto in_our_order =
+      DecodeDraco(sequential->bytes, VertexOrder::kDecoded, 0);
+  ASSERT_THAT(in_draco_order, IsOk());
+  ASSERT_THAT(in_our_order, IsOk());
+  EXPECT_NE(in_draco_order->positions, RoundedToFloat(mesh).positions);
+  EXPECT_EQ(in_our_order->positions, RoundedToFloat(apart).positions);
+}
+
+TEST(DracoMeshTest, WhatIsNoDracoRenumbersNothing) {
+  EXPECT_FALSE(RenumbersVertices(""));
+  EXPECT_FALSE(RenumbersVertices("DRACO"));
+  EXPECT_FALSE(RenumbersVertices("ply\nformat ascii 1.0\n"));
+}
+
 TEST(DracoMeshTest, AnotherVertexCountIsRefused) {
   const TriangleMesh mesh = WithIsolatedVertices(UnitSphere(1), 1);
   const absl::StatusOr<EncodedMesh> encoded = EncodeDraco(mesh);

@@ -8,6 +8,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "core/io/draco_mesh.h"
 #include "server/convert/request_limits.h"
 #include "server/storage/sha256.h"
 #include "tests/server/test_server.h"
@@ -115,6 +118,47 @@ TEST_F(ParseCreateJobTest, OptionsOutOfRange) {
   request = SphereJob();
   request.mutable_mesh_x()->set_vertex_order(static_cast<v1::VertexOrder>(9));
   ExpectRefused(request, "INVALID_FIELD", "mesh_x.vertex_order");
+}
+
+/// Of the result of `request`.
+MATCHER_P(WarnsOnlyOf, field, "") {
+  const auto& warnings = arg.result().warnings();
+  return warnings.size() == 1 &&
+         absl::StartsWith(warnings[0],
+                          absl::StrCat(field, ": vertex_order ")) &&
+         absl::StrContains(warnings[0], "VERTEX_ORDER_ID_ATTRIBUTE");
+}
+
+TEST_F(ParseCreateJobTest, EdgebreakerWithoutAnOrderIsAWarning) {
+  v1::CreateJobRequest request = SphereJob();
+  ASSERT_TRUE(RenumbersVertices(request.mesh_x().draco()));
+  EXPECT_THAT(Watch(CreateJob(request)).back().result().warnings(),
+              testing::IsEmpty());
+  request.mutable_mesh_x()->clear_vertex_order();
+  EXPECT_THAT(Watch(CreateJob(request)).back(), WarnsOnlyOf("mesh_x"));
+  // An order that is said is meant.
+  request.mutable_mesh_x()->set_vertex_order(v1::VERTEX_ORDER_DECODED);
+  EXPECT_THAT(Watch(CreateJob(request)).back().result().warnings(),
+              testing::IsEmpty());
+  // By digest too, once the mesh is known.
+  const std::string bytes = request.mesh_y().draco();
+  v1::Mesh& mesh_y = *request.mutable_mesh_y();
+  mesh_y.clear_vertex_order();
+  mesh_y.mutable_digest()->set_sha256(Sha256Hex(bytes));
+  mesh_y.mutable_digest()->set_size_bytes(bytes.size());
+  EXPECT_THAT(Watch(CreateJob(request)).back(), WarnsOnlyOf("mesh_y"));
+}
+
+TEST_F(ParseCreateJobTest, SequentialWithoutAnOrderIsNoWarning) {
+  TriangleMesh mesh = UnitSphere(1);
+  mesh.positions.conservativeResize(mesh.num_vertices() + 1, 3);
+  mesh.positions.bottomRows(1).setZero();
+  v1::CreateJobRequest request = SphereJob();
+  *request.mutable_mesh_x() = ToDraco(mesh);
+  ASSERT_FALSE(RenumbersVertices(request.mesh_x().draco()));
+  request.mutable_mesh_x()->clear_vertex_order();
+  EXPECT_THAT(Watch(CreateJob(request)).back().result().warnings(),
+              testing::IsEmpty());
 }
 
 TEST_F(ParseCreateJobTest, PriorityAndDisconnectPolicyOutOfRange) {
