@@ -10,7 +10,8 @@ import grpc from '@grpc/grpc-js';
 import protoLoader from '@grpc/proto-loader';
 import draco3d from 'draco3d';
 
-const PROTO_FOLDER = fileURLToPath(new URL('../../proto', import.meta.url));
+// A copy of proto/isomatch/v1/service.proto, so that this folder runs wherever it is.
+const API = fileURLToPath(new URL('service.proto', import.meta.url));
 const TERMINAL = ['STATE_SUCCEEDED', 'STATE_FAILED', 'STATE_CANCELLED'];
 
 // Room in a request for all but the meshes.
@@ -23,8 +24,8 @@ const encoder = await draco3d.createEncoderModule({});
  * Buffers; cert and key only for a certificate of one's own.
  */
 export function connect(server, {tls, apiKey} = {}) {
-  const definition = protoLoader.loadSync('isomatch/v1/service.proto', {
-    includeDirs: [PROTO_FOLDER], longs: String, enums: String, oneofs: true, defaults: true,
+  const definition = protoLoader.loadSync(API, {
+    longs: String, enums: String, oneofs: true, defaults: true,
   });
   const {CorrespondenceService} = grpc.loadPackageDefinition(definition).isomatch.v1;
   const credentials = tls ? grpc.credentials.createSsl(tls.ca, tls.key, tls.cert)
@@ -43,7 +44,16 @@ export function connect(server, {tls, apiKey} = {}) {
   });
 }
 
-/** Pauses between attempts that end with UNAVAILABLE, about ten seconds in all. */
+/**
+ * Whether a call that ended so is worth another attempt: a server that stops ends its
+ * calls as cancelled, a proxy that loses its server resets their streams.
+ */
+function isLost({code, details = ''}) {
+  return code === grpc.status.UNAVAILABLE || code === grpc.status.CANCELLED ||
+      (code === grpc.status.INTERNAL && details.includes('RST_STREAM'));
+}
+
+/** Pauses between attempts that lose the server, about ten seconds in all. */
 class Backoff {
   reset() {
     this.pause = 100;
@@ -55,9 +65,7 @@ class Backoff {
   /** Waits for the next attempt; throws `error` when there is to be none. */
   async after(error) {
     this.giveUp ??= Date.now() + 10_000;
-    // A server that stops ends its calls as cancelled.
-    const lost = [grpc.status.UNAVAILABLE, grpc.status.CANCELLED].includes(error.code);
-    if (!lost || Date.now() + this.pause > this.giveUp) throw error;
+    if (!isLost(error) || Date.now() + this.pause > this.giveUp) throw error;
     // Clients of a server that comes back do not come together.
     await sleep(this.pause * (0.8 + 0.4 * Math.random()));
     this.pause = Math.min(2 * this.pause, 2000);

@@ -8,7 +8,7 @@ import {readMesh} from './mesh_file.mjs';
 
 const USAGE = `Usage: node match.mjs X Y -o MAP [options]
 
-X, Y: meshes, .off, .obj or .ply. MAP: line i has the vertex of Y for vertex i of X.
+X, Y: meshes, .off, .obj, .ply or .stl. MAP: line i has the vertex of Y for vertex i of X.
 
   --server HOST:PORT      127.0.0.1:7443 by default
   --tls-ca FILE           encrypts, and checks the server's certificate

@@ -20,14 +20,22 @@ function readOff(bytes) {
 
 const cornersAfterCount = (row) => row.slice(1, 1 + Number(row[0])).map(Number);
 
+/** The statements of an OBJ file: a line that ends with a backslash goes on in the next. */
+function objStatements(text) {
+  const uncommented = text.replaceAll(/#.*/g, '');
+  return linesOf(uncommented.replaceAll(/\\[ \t]*\r?\n/g, ' '));
+}
+
+/** Points and lines, which are no part of the surface, are passed over. */
 function readObj(bytes) {
   const vertices = [];
   const faces = [];
-  for (const [keyword, ...words] of linesOf(bytes.toString())) {
+  for (const [keyword, ...words] of objStatements(bytes.toString())) {
     if (keyword === 'v') vertices.push(words);
     if (keyword !== 'f') continue;
     const numbers = words.map((word) => parseInt(word, 10));
-    faces.push(numbers.map((i) => i > 0 ? i - 1 : vertices.length + i));
+    // From 1, or from the last one back; there is no 0.
+    faces.push(numbers.map((i) => i > 0 ? i - 1 : i < 0 ? vertices.length + i : NaN));
   }
   return {vertices, faces};
 }
@@ -90,15 +98,70 @@ function readPly(bytes) {
   };
 }
 
-const READERS = {'.off': readOff, '.obj': readObj, '.ply': readPly};
+const STL_HEADER_BYTES = 84;
+const STL_FACET_BYTES = 50;
+
+/** The corners of the facets, [x, y, z] each. */
+function binaryStlCorners(bytes, facets) {
+  const corners = [];
+  for (let facet = 0; facet < facets; ++facet) {
+    const start = STL_HEADER_BYTES + facet * STL_FACET_BYTES + 12;  // after the normal
+    for (let at = start; at < start + 36; at += 12) {
+      corners.push([0, 4, 8].map((axis) => bytes.readFloatLE(at + axis)));
+    }
+  }
+  return corners;
+}
+
+function asciiStlCorners(text) {
+  const corners = [];
+  let facets = 0;
+  let ended = false;
+  for (const [keyword, ...words] of text.split('\n').map((line) => line.trim().split(/\s+/))) {
+    if (keyword === 'vertex') corners.push(words.slice(0, 3).map(Number));
+    if (keyword === 'endsolid') ended = true;
+    if (keyword === 'endfacet' && corners.length !== 3 * ++facets) {
+      throw new Error(`facet ${facets - 1} has not three corners`);
+    }
+  }
+  if (!ended || corners.length !== 3 * facets) throw new Error('it ends within a solid');
+  return corners;
+}
 
 /**
- * Returns {vertices, faces} of an OFF, OBJ or PLY file with triangles:
+ * STL has corners only: those at one place become a vertex, numbered in order of first
+ * use, as `isomatch match` does it.
+ */
+function readStl(bytes) {
+  // What is text has a number of facets there that no file is long enough for.
+  const facets = bytes.length < STL_HEADER_BYTES ? 0 : bytes.readUInt32LE(STL_HEADER_BYTES - 4);
+  const size = STL_HEADER_BYTES + facets * STL_FACET_BYTES;
+  const isBinary = bytes.length >= size;
+  if (!isBinary && (bytes.includes(0) || !bytes.toString().trimStart().startsWith('solid'))) {
+    throw new Error(`${bytes.length} bytes, expected ${size} for ${facets} facets`);
+  }
+  const corners = isBinary ? binaryStlCorners(bytes, facets) : asciiStlCorners(bytes.toString());
+  const vertices = [];
+  const numbers = new Map();
+  const corner = (place) => {
+    const key = place.join();  // of 0 and -0 it is the same
+    if (!numbers.has(key)) numbers.set(key, vertices.push(place) - 1);
+    return numbers.get(key);
+  };
+  const used = corners.map(corner);
+  const faces = Array.from({length: used.length / 3}, (_, f) => used.slice(3 * f, 3 * f + 3));
+  return {vertices, faces};
+}
+
+const READERS = {'.off': readOff, '.obj': readObj, '.ply': readPly, '.stl': readStl};
+
+/**
+ * Returns {vertices, faces} of an OFF, OBJ, PLY or STL file with triangles:
  * a Float32Array of 3n and a Uint32Array of 3m numbers.
  */
 export function readMesh(path) {
   const reader = READERS[extname(path).toLowerCase()];
-  if (!reader) throw new Error(`${path}: expected an .off, .obj or .ply file`);
+  if (!reader) throw new Error(`${path}: expected an .off, .obj, .ply or .stl file`);
   try {
     const {vertices, faces} = reader(readFileSync(path));
     const wrong = faces.findIndex(

@@ -1,19 +1,20 @@
-"""Reads OFF, OBJ and PLY files; vertices keep the file's number and order."""
+"""Reads OFF, OBJ, PLY and STL files; vertices keep the file's number and order."""
 
 from __future__ import annotations
 
 import os
 import pathlib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from isomatch._stl_file import read_stl
+from isomatch._triangulation import triangulate
 from isomatch.errors import InvalidInput
 
 Arrays = tuple[NDArray[np.float64], NDArray[np.int64]]
-Polygons = Iterable[Sequence[int]]
 
 _PLY_TYPES = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1",
@@ -21,30 +22,6 @@ _PLY_TYPES = {
     "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4",
     "float": "f4", "float32": "f4", "double": "f8", "float64": "f8",
 }  # fmt: skip
-
-
-def _fan_start(polygon: Sequence[int], vertices: NDArray[np.float64]) -> int:
-    """The corner to cut from: of the shorter diagonal of a quadrilateral."""
-    if len(polygon) != 4 or max(polygon) >= len(vertices) or min(polygon) < 0:
-        return 0
-    a, b, c, d = (vertices[corner] for corner in polygon)
-    return 1 if np.sum((b - d) ** 2) < np.sum((a - c) ** 2) else 0
-
-
-def _triangulate(polygons: Polygons, vertices: NDArray[np.float64]) -> NDArray[np.int64]:
-    triangles: list[tuple[int, int, int]] = []
-    for number, polygon in enumerate(polygons):
-        if len(polygon) == 3:
-            triangles.append((polygon[0], polygon[1], polygon[2]))
-            continue
-        if len(polygon) < 3:
-            raise ValueError(
-                f"face {number} has {len(polygon)} corners, expected 3 or more"
-            )
-        start = _fan_start(polygon, vertices)
-        fan = [*polygon[start:], *polygon[:start]]
-        triangles += [(fan[0], fan[i], fan[i + 1]) for i in range(1, len(fan) - 1)]
-    return np.array(triangles, dtype=np.int64).reshape(-1, 3)
 
 
 def _content_lines(text: str) -> Iterator[list[str]]:
@@ -67,21 +44,42 @@ def _read_off(data: bytes) -> Arrays:
         raise ValueError(f"{len(rows)} lines, expected {n} vertices and {m} faces")
     vertices = np.array([row[:3] for row in rows[:n]], dtype=np.float64)
     faces = ([int(w) for w in row[1 : 1 + int(row[0])]] for row in rows[n : n + m])
-    return vertices.reshape(-1, 3), _triangulate(faces, vertices)
+    return vertices.reshape(-1, 3), triangulate(faces, vertices)
+
+
+def _obj_statements(text: str) -> Iterator[list[str]]:
+    """As _content_lines; a line that ends with a backslash goes on in the next."""
+    begun: list[str] = []
+    for line in text.splitlines():
+        content = line.partition("#")[0].rstrip()
+        begun += content.removesuffix("\\").split()
+        if not content.endswith("\\"):
+            if begun:
+                yield begun
+            begun = []
+    if begun:
+        yield begun
+
+
+def _obj_corner(word: str, vertices: int) -> int:
+    """Of V, V/VT, V//VN or V/VT/VN, numbered from 1, or from the end when negative."""
+    number = int(word.partition("/")[0])
+    if number == 0 or number < -vertices:
+        raise ValueError(f"a face names vertex {number}, expected from 1, or -{vertices} on")
+    return number - 1 if number > 0 else vertices + number
 
 
 def _read_obj(data: bytes) -> Arrays:
+    """Points and lines, which are no part of the surface, are passed over."""
     vertices: list[list[str]] = []
     polygons: list[list[int]] = []
-    for words in _content_lines(data.decode("utf-8", "replace")):
+    for words in _obj_statements(data.decode("utf-8", "replace")):
         if words[0] == "v":
             vertices.append(words[1:4])
         elif words[0] == "f":
-            corners = [int(word.partition("/")[0]) for word in words[1:]]
-            # Numbers from 1, or from the end when negative.
-            polygons.append([c - 1 if c > 0 else len(vertices) + c for c in corners])
+            polygons.append([_obj_corner(word, len(vertices)) for word in words[1:]])
     positions = np.array(vertices, dtype=np.float64).reshape(-1, 3)
-    return positions, _triangulate(polygons, positions)
+    return positions, triangulate(polygons, positions)
 
 
 class _PlyElement:
@@ -210,11 +208,11 @@ def _read_ply(data: bytes) -> Arrays:
             if isinstance(polygons, np.ndarray):
                 faces = polygons.astype(np.int64)
             else:
-                faces = _triangulate([[int(c) for c in p] for p in polygons], vertices)
+                faces = triangulate([[int(c) for c in p] for p in polygons], vertices)
     return vertices, faces
 
 
-_READERS = {".off": _read_off, ".obj": _read_obj, ".ply": _read_ply}
+_READERS = {".off": _read_off, ".obj": _read_obj, ".ply": _read_ply, ".stl": read_stl}
 
 
 def read_mesh(path: str | os.PathLike[str], field: str) -> Arrays:
@@ -227,7 +225,7 @@ def read_mesh(path: str | os.PathLike[str], field: str) -> Arrays:
     file = pathlib.Path(path)
     reader = _READERS.get(file.suffix.lower())
     if reader is None:
-        message = f"the extension is '{file.suffix}', expected .off, .obj or .ply"
+        message = f"the extension is '{file.suffix}', expected .off, .obj, .ply or .stl"
     else:
         try:
             return reader(file.read_bytes())

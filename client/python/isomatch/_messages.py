@@ -6,6 +6,8 @@ that is installed, and whatever else the program imports - its own stubs of the
 same service, Google's google.rpc - cannot clash with it.
 """
 
+from __future__ import annotations
+
 from importlib import resources
 from typing import Any
 

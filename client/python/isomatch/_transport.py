@@ -26,6 +26,9 @@ _LONGEST_PAUSE_SECONDS = 2.0
 _CALL_SECONDS = 60.0
 _FIRST_CALL_SECONDS = 3.0
 
+# gRPC's details of a call that its own application cancels.
+_CANCELLED_HERE = "Locally cancelled by application!"
+
 # Servers allow a ping every 20 s, and a watch sends nothing else.
 _CHANNEL_OPTIONS = [
     ("grpc.initial_reconnect_backoff_ms", 250),
@@ -162,11 +165,21 @@ class Transport:
             yield Rpcs(channel)
 
 
+async def _is_cancelled_here(call: Any) -> bool:
+    """Whether a task that awaited the call was itself cancelled."""
+    task: Any = asyncio.current_task()
+    if task is None or not call.done():
+        return True
+    if hasattr(task, "cancelling"):
+        return bool(task.cancelling())
+    # Before Python 3.11 only gRPC tells, which then cancels its call.
+    return bool(await call.details() == _CANCELLED_HERE)
+
+
 async def rpc_error(call: Any, error: BaseException) -> IsomatchError:
     """What an aio call ended with, unless the task itself is cancelled."""
     if isinstance(error, grpc.RpcError):
         return from_rpc(error)
-    task = asyncio.current_task()
-    if task is None or task.cancelling() > 0 or not call.done():
+    if await _is_cancelled_here(call):
         raise error
     return Unavailable("the server ended the call")

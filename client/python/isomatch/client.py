@@ -123,9 +123,9 @@ class Client:
     ) -> Job:
         """Starts a job and returns at once.
 
-        x, y: (vertices n x 3, faces m x 3), a path, an object with .vertices and
-          .faces, or what `upload` returned. Coordinates travel in single
-          precision.
+        x, y: (vertices n x 3, faces m x 3), a path, a mesh of trimesh, Open3D,
+          meshio or PyVista, or what `upload` returned. Coordinates travel in
+          single precision.
         landmarks: k x 2, known matches (vertex of x, vertex of y); those that the
           rest contradicts are changed, unless landmarks_exact.
         profile: "default" or "paper". random_seed: same input and seed, same map.

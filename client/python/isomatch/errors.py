@@ -52,6 +52,10 @@ class InvalidInput(IsomatchError, ValueError):
     code = "INVALID_ARGUMENT"
 
 
+class InvalidType(InvalidInput, TypeError):
+    """What was given is of no type that is taken there; the message names those."""
+
+
 class NotFound(IsomatchError, LookupError):
     """The server has no such job, or the result no such part."""
 
@@ -137,17 +141,21 @@ def from_rpc(error: grpc.RpcError) -> IsomatchError:
     """Returns what a call ended with as an error of this package.
 
     A server that stops ends its calls as cancelled; since nobody here wanted
-    that, it is Unavailable.
+    that, it is Unavailable. So is INTERNAL without details from gRPC itself: a
+    proxy that loses its server resets the streams.
     """
     code = error.code().name
     if code == "CANCELLED":
         return Unavailable("the server ended the call")
     details = _details(error)
+    said = error.details() or code
+    if code == "INTERNAL" and not details and "RST_STREAM" in said:
+        return Unavailable(said)
     info = _unpack(details, _messages.ErrorInfo)
     violations = _unpack(details, _messages.BadRequest).field_violations
     retry = _unpack(details, _messages.RetryInfo)
     return _CLASSES.get(code, IsomatchError)(
-        error.details() or code,
+        said,
         code=code,
         reason=info.reason,
         field=violations[0].field if violations else None,

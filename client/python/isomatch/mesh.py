@@ -5,21 +5,50 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, Union, runtime_checkable
+from typing import Any, Protocol, Union
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from isomatch import _mesh_file
-from isomatch.errors import InvalidInput
+from isomatch import _mesh_file, _mesh_objects
+from isomatch.errors import InvalidInput, InvalidType
 
 
-@runtime_checkable
 class HasVerticesAndFaces(Protocol):
-    """What trimesh, potpourri3d and others call a mesh."""
+    """What trimesh and others call a mesh."""
 
     @property
     def vertices(self) -> Any: ...
+
+    @property
+    def faces(self) -> Any: ...
+
+
+class HasVerticesAndTriangles(Protocol):
+    """What Open3D calls a TriangleMesh."""
+
+    @property
+    def vertices(self) -> Any: ...
+
+    @property
+    def triangles(self) -> Any: ...
+
+
+class HasPointsAndCells(Protocol):
+    """What meshio calls a Mesh: `cells` are blocks with a type and data."""
+
+    @property
+    def points(self) -> Any: ...
+
+    @property
+    def cells(self) -> Any: ...
+
+
+class HasPointsAndFaces(Protocol):
+    """What PyVista calls PolyData: before the corners of each face their number."""
+
+    @property
+    def points(self) -> Any: ...
 
     @property
     def faces(self) -> Any: ...
@@ -35,14 +64,17 @@ class UploadedMesh:
     vertices: int
 
 
-#: (vertices n x 3, faces m x 3), a path of a mesh file, an object with
-#: .vertices and .faces, or what Client.upload returned.
+#: (vertices n x 3, faces m x 3), a path of a mesh file, a mesh of trimesh, Open3D,
+#: meshio or PyVista, or what Client.upload returned.
 MeshLike = Union[
     tuple[ArrayLike, ArrayLike],
     Sequence[ArrayLike],
     str,
     "os.PathLike[str]",
     HasVerticesAndFaces,
+    HasVerticesAndTriangles,
+    HasPointsAndCells,
+    HasPointsAndFaces,
     UploadedMesh,
 ]
 
@@ -92,33 +124,43 @@ def _faces(values: ArrayLike, vertices: int, field: str) -> NDArray[np.uint32]:
     return np.ascontiguousarray(array, dtype=np.uint32)
 
 
+def _arrays(value: MeshLike, field: str) -> Sequence[ArrayLike]:
+    """Vertices and faces, not yet checked."""
+    if isinstance(value, (str, os.PathLike)):
+        return _mesh_file.read_mesh(value, field)
+    if isinstance(value, Sequence) and len(value) == 2:
+        return value
+    try:
+        arrays = _mesh_objects.arrays_of(value)
+    except ValueError as error:
+        raise invalid(field, f"is a {type(value).__name__}: {error}") from None
+    if arrays is None:
+        raise InvalidType(
+            f"{field}: is a {type(value).__name__}, expected (vertices, faces), a path, "
+            f"or {_mesh_objects.TAKEN}",
+            reason="INVALID_FIELD",
+            field=field,
+        )
+    return arrays
+
+
 def as_mesh(value: MeshLike, field: str) -> Mesh:
     """Returns the mesh, checked; vertices keep their order.
 
     InvalidInput, whose field begins with `field`: another shape or dtype, a
     face that names no vertex, a coordinate that is no single-precision number,
-    a file that cannot be read.
+    a file that cannot be read. InvalidType: nothing that is taken as a mesh.
     """
-    if isinstance(value, (str, os.PathLike)):
-        arrays: Sequence[ArrayLike] = _mesh_file.read_mesh(value, field)
-    elif isinstance(value, HasVerticesAndFaces):
-        arrays = value.vertices, value.faces
-    elif isinstance(value, Sequence) and len(value) == 2:
-        arrays = value
-    else:
-        raise invalid(
-            field,
-            f"is a {type(value).__name__}, expected (vertices, faces), a path, or "
-            "an object with .vertices and .faces",
-        )
+    arrays = _arrays(value, field)
     positions = _positions(arrays[0], f"{field}.vertices")
     return Mesh(positions, _faces(arrays[1], len(positions), f"{field}.faces"))
 
 
 def read_mesh(path: str | os.PathLike[str]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Returns vertices (n x 3) and faces (m x 3) of an OFF, OBJ or PLY file.
+    """Returns vertices (n x 3) and faces (m x 3) of an OFF, OBJ, PLY or STL file.
 
-    Vertices keep the file's number and order. Quadrilaterals are cut along their
+    Vertices keep the file's number and order; STL has none of its own: corners at
+    one place become a vertex, in order of first use. Quadrilaterals are cut along their
     shorter diagonal, larger polygons into a fan, as `isomatch match` does.
     """
     return _mesh_file.read_mesh(path, "path")

@@ -1,5 +1,5 @@
 """The API's files: service.binpb, which the package reads the API from, is that of
-service.proto, and gRPC understands service_config.json."""
+service.proto, the Node client has a copy of that, and gRPC understands service_config.json."""
 
 import concurrent.futures
 import importlib.resources
@@ -39,6 +39,14 @@ class DescriptorsTest(unittest.TestCase):
         ]
         self.assertEqual(
             *sets, "build the target python_descriptors and commit client/python/isomatch"
+        )
+
+    def test_the_copy_in_the_node_client_is_that_of_the_proto(self):
+        proto = pathlib.Path(os.environ["ISOMATCH_PROTO"]) / "isomatch/v1/service.proto"
+        copy = pathlib.Path(os.environ["ISOMATCH_NODE_CLIENT"]) / "service.proto"
+        self.assertTrue(
+            proto.read_bytes() == copy.read_bytes(),
+            "build the target python_descriptors and commit client/node/service.proto",
         )
 
     def test_stubs_of_the_same_files_do_not_clash(self):

@@ -11,6 +11,7 @@ import time
 import unittest
 from unittest import mock
 
+import resetting_server
 import support
 
 import isomatch
@@ -249,6 +250,48 @@ class JobsTest(unittest.TestCase):
             self.assertLess(time.monotonic(), deadline)
             time.sleep(0.01)
         self.assertIs(status.state, isomatch.JobState.CANCELLED)
+
+
+class ResetStreamsTest(unittest.TestCase):
+    """What a proxy does that loses its server."""
+
+    INTERNAL_ERROR = 2
+    REFUSED_STREAM = 7
+    CANCEL = 8
+
+    def expect_tried_again(self, error_code, call):
+        """Of a call: it is Unavailable in the end, and not after the first time."""
+        with resetting_server.ResettingServer(error_code) as server:
+            with isomatch.Client(server.address, patience=0.5) as client:
+                with self.assertRaises(isomatch.Unavailable):
+                    call(client)
+            self.assertGreater(server.streams, 1)
+
+    def job_of(self, client):
+        snapshot = mock.Mock(spec=isomatch.JobStatus, is_terminal=False)
+        snapshot.name = "jobs/1"
+        return isomatch.Job(client._transport, snapshot)
+
+    def test_every_call_is_tried_again(self):
+        async def follow(client):
+            async for _ in self.job_of(client).progress():
+                pass
+
+        calls = {
+            "info": lambda client: client.info(),
+            "jobs": lambda client: list(client.jobs()),
+            "watch": lambda client: list(self.job_of(client).watch()),
+            "progress": lambda client: asyncio.run(follow(client)),
+            "download": lambda client: self.job_of(client)._download("map"),
+        }
+        for name, call in calls.items():
+            with self.subTest(name=name):
+                self.expect_tried_again(self.INTERNAL_ERROR, call)
+
+    def test_however_it_is_reset(self):
+        for code in (self.REFUSED_STREAM, self.CANCEL):
+            with self.subTest(code=code):
+                self.expect_tried_again(code, lambda client: client.info())
 
 
 class LostServerTest(unittest.TestCase):

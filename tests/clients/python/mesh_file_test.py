@@ -29,13 +29,38 @@ OFF = """OFF # a comment
 OBJ = """o house
 v 0 0 0
 v 2 0 0
-v 2 2 0.5
+v 2 2 \\
+0.5
 v 0 2 0
 vt 0.5 0.5
 v 1 3.25 0
-f 1/1/1 2//2 3 4
+f 1/1/1 2//2 \\
+  3 4
+l 1 2 5
+p 3 \\
+4
+# a comment ends with its line \\
 f -3 -1 -2
 v 9 9 9
+"""
+
+# Two triangles with a common edge, one corner of it as -0.
+STL = """solid
+facet normal 0 0 1
+  outer loop
+    vertex 1 0 0
+    vertex 0 1 0
+    vertex 0 0 0
+  endloop
+endfacet
+facet normal 0 0 1
+  outer loop
+    vertex 0 1 -0
+    vertex 1 0 0
+    vertex 1 1e0 0
+  endloop
+endfacet
+endsolid
 """
 
 PLY_HEADER = """ply
@@ -102,6 +127,32 @@ class ReadMeshTest(unittest.TestCase):
         _, faces = isomatch.read_mesh(self.write("pentagon.off", text))
         self.assertEqual(faces.tolist(), [[0, 1, 2], [0, 2, 3], [0, 3, 4]])
 
+    def test_corners_of_stl_at_one_place_become_a_vertex_in_order_of_first_use(self):
+        expected = [[1, 0, 0], [0, 1, 0], [0, 0, 0], [1, 1, 0]]
+        text = self.write("two.stl", STL)
+        vertices, faces = isomatch.read_mesh(text)
+        np.testing.assert_array_equal(vertices, expected)
+        self.assertEqual(faces.tolist(), [[0, 1, 2], [1, 0, 3]])
+        binary = support.write_stl(support.folder() / "binary.stl", vertices, faces)
+        with self.subTest("what follows the facets is not read"):
+            binary.write_bytes(binary.read_bytes() + b"more")
+        vertices, faces = isomatch.read_mesh(binary)
+        np.testing.assert_array_equal(vertices, expected)
+        self.assertEqual(faces.tolist(), [[0, 1, 2], [1, 0, 3]])
+
+    def test_stl_is_numbered_as_the_command_line_numbers_it(self):
+        writers = {"binary": support.write_stl, "ascii": support.write_ascii_stl}
+        mesh_x, mesh_y = map(isomatch.read_mesh, support.pair())
+        for name, write in writers.items():
+            with self.subTest(name=name):
+                x = write(support.folder() / f"x-{name}.stl", *mesh_x)
+                y = write(support.folder() / f"y-{name}.stl", *mesh_y)
+                self.assertEqual(len(isomatch.read_mesh(x)[0]), 1000)
+                self.assertEqual(
+                    support.as_map_file(isomatch.match(x, y).y_from_x),
+                    support.map_of_command_line(x, y),
+                )
+
     def test_damaged_files_name_the_file_and_what_was_expected(self):
         damaged = {
             "cut.off": (OFF[:60], "expected 6 vertices and 2 faces"),
@@ -112,7 +163,14 @@ class ReadMeshTest(unittest.TestCase):
             "none.ply": ("ply\n", "end_header"),
             "flat.ply": (ply_ascii().replace(b" z\n", b" w\n"), "no property z"),
             "bad.obj": ("v 0 0\nf 1 2 3\n", "not a mesh"),
-            "mesh.stl": ("solid", "expected .off, .obj or .ply"),
+            "zero.obj": (OBJ + "f 0 1 2\n", "vertex 0"),
+            "back.obj": (OBJ + "f 1 2 -7\n", "vertex -7"),
+            "mesh.gltf": ("{}", "expected .off, .obj, .ply or .stl"),
+            "word.stl": ("solid", "expected `endsolid`"),
+            "quad.stl": (STL.replace("endloop", "vertex 0 0 0", 1), "facet 0"),
+            "cut.stl": (STL[:-20], "expected `endsolid`"),
+            "tall.stl": (STL.replace("vertex 1 0 0", "vertex 1 0 tall", 1), "tall"),
+            "none.stl": (bytes(80) + b"\2\0\0\0" + bytes(50), "134 bytes, expected 184"),
         }
         for name, (data, said) in damaged.items():
             with self.subTest(name=name):

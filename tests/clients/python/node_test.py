@@ -2,10 +2,13 @@
 
 import os
 import pathlib
+import shutil
 import signal
 import subprocess
 import unittest
+from unittest import mock
 
+import resetting_server
 import support
 
 import isomatch
@@ -55,11 +58,31 @@ class NodeTest(unittest.TestCase):
         obj = support.folder() / "x.obj"
         obj.write_text(
             "".join(f"v {a!r} {b!r} {c!r}\n" for a, b, c in vertices.tolist())
-            + "".join(f"f {a}/1 {b}/2 {c}/3\n" for a, b, c in (faces + 1).tolist())
+            + "l 1 2\np 3 \\\n 4\n"
+            + "".join(f"f {a}/1 {b}/2 \\\n{c}/3\n" for a, b, c in (faces + 1).tolist())
         )
         ply = support.folder() / "y.ply"
         support.run_isomatch("sample", "--pose", "B", "--vertices", "900", "-o", ply)
         self.run_match(obj, ply)
+        self.assertEqual(self.output.read_bytes(), support.map_of_command_line(x, y))
+
+    def test_a_copy_of_its_folder_runs(self):
+        folder = support.folder() / "copied"
+        folder.mkdir()
+        for file in MATCH.parent.iterdir():
+            if file.is_file():
+                shutil.copy(file, folder)
+        # What npm ci brings.
+        (folder / "node_modules").symlink_to(MATCH.parent / "node_modules")
+        with mock.patch(f"{__name__}.MATCH", folder / "match.mjs"):
+            self.run_match(*support.pair())
+        self.assertEqual(self.output.read_bytes(), support.map_of_command_line(*support.pair()))
+
+    def test_stl_is_numbered_as_the_command_line_numbers_it(self):
+        mesh_x, mesh_y = map(isomatch.read_mesh, support.pair())
+        x = support.write_stl(support.folder() / "node-x.stl", *mesh_x)
+        y = support.write_ascii_stl(support.folder() / "node-y.stl", *mesh_y)
+        self.run_match(x, y)
         self.assertEqual(self.output.read_bytes(), support.map_of_command_line(x, y))
 
     def test_cancelling_ends_the_job_on_the_server(self):
@@ -92,11 +115,22 @@ class NodeTest(unittest.TestCase):
                 self.assertIs(client.job(name).status.state, isomatch.JobState.SUCCEEDED)
         self.assertEqual(self.output.read_bytes(), support.map_of_command_line(*support.pair()))
 
+    def test_a_stream_that_is_reset_is_tried_again(self):
+        internal_error = 2
+        with resetting_server.ResettingServer(internal_error) as server:
+            process = self.start(*support.pair(), server=server.address)
+            self.assertTrue(server.wait_for_streams(2, seconds=30))
+            process.kill()
+            process.communicate()
+
     def test_mistakes_are_told(self):
         x, y = support.pair()
         bad = support.folder() / "bad.off"
         bad.write_text("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 9\n")
         self.assertIn("face 0 is [0,1,9]", self.run_match(x, bad, status=2))
+        cut = support.folder() / "cut.stl"
+        cut.write_bytes(support.write_stl(cut, *isomatch.read_mesh(x)).read_bytes()[:-1])
+        self.assertIn("99883 bytes, expected 99884", self.run_match(x, cut, status=2))
         self.assertIn("expected two meshes", self.run_match(x, status=2))
         self.assertIn("'nice'", self.run_match(x, y, "--profile", "nice", status=2))
 

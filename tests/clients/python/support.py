@@ -139,6 +139,31 @@ def write_ply(path: pathlib.Path, vertices: np.ndarray, faces: np.ndarray) -> pa
     return path
 
 
+def write_stl(
+    path: pathlib.Path, vertices: np.ndarray, faces: np.ndarray, header: bytes = b"solid binary"
+) -> pathlib.Path:
+    """Binary; returns the path. The header begins as that of a text, as many do."""
+    facets = np.zeros(
+        len(faces), [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")]
+    )
+    a, b, c = (vertices[faces[:, corner]] for corner in range(3))
+    facets["normal"] = np.cross(b - a, c - a)
+    facets["corners"] = vertices[faces]
+    path.write_bytes(header.ljust(80) + len(faces).to_bytes(4, "little") + facets.tobytes())
+    return path
+
+
+def write_ascii_stl(path: pathlib.Path, vertices: np.ndarray, faces: np.ndarray) -> pathlib.Path:
+    """Returns the path."""
+    lines = ["solid of # a sample"]
+    for corners in vertices[faces].tolist():
+        lines += ["facet normal 0 0 1", "  outer loop"]
+        lines += [f"    vertex {x!r} {y!r} {z!r}" for x, y, z in corners]
+        lines += ["  endloop", "endfacet"]
+    path.write_text("\n".join([*lines, "endsolid of a sample", ""]))
+    return path
+
+
 @functools.cache
 def map_of_command_line(x: pathlib.Path, y: pathlib.Path) -> bytes:
     """The file that `isomatch match` writes."""

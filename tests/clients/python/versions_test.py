@@ -1,0 +1,117 @@
+"""The package is for every Python from `requires-python` on, not only for Debian's."""
+
+import ast
+import asyncio
+import os
+import pathlib
+import re
+import subprocess
+import unittest
+from unittest import mock
+
+import isomatch
+from isomatch import _transport
+
+PACKAGE = pathlib.Path(isomatch.__file__).parent
+EXAMPLES = pathlib.Path(os.environ["ISOMATCH_EXAMPLES"])
+OLDEST = tuple(
+    map(
+        int,
+        re.search(
+            r'requires-python = ">=(\d+)\.(\d+)"',
+            (EXAMPLES.parent / "pyproject.toml").read_text(),
+        ).groups(),
+    )
+)
+
+# Imports the package where neither numpy nor gRPC need be: what it asks of them while
+# it is imported answers whatever is asked.
+IMPORT_ALL = """
+import importlib, pathlib, sys
+from unittest import mock
+sys.dont_write_bytecode = True
+for name in ("numpy", "numpy.typing", "grpc", "grpc.aio", "google", "google.protobuf"):
+    sys.modules[name] = mock.MagicMock()
+package = pathlib.Path(sys.argv[1])
+sys.path.insert(0, str(package.parent))
+for file in package.glob("*.py"):
+    importlib.import_module(f"isomatch.{file.stem}")
+for file in pathlib.Path(sys.argv[2]).glob("*.py"):
+    compile(file.read_text(), str(file), "exec")
+"""
+
+
+def pythons():
+    """The Pythons of this machine that the package is for: those of pyenv, whose
+    shims in PATH need not work, and others in PATH."""
+    folders = [*pathlib.Path.home().glob(".pyenv/versions/*/bin")]
+    folders += map(pathlib.Path, os.environ["PATH"].split(os.pathsep))
+    found = {}
+    for folder in folders:
+        if folder.name == "shims":
+            continue
+        for file in folder.glob("python3.*"):
+            version = re.fullmatch(r"python3\.(\d+)", file.name)
+            if version and (3, int(version.group(1))) >= OLDEST and os.access(file, os.X_OK):
+                found.setdefault(file.name, file)
+    return found
+
+
+class VersionsTest(unittest.TestCase):
+    def test_the_oldest_python_can_parse_every_file(self):
+        files = [*PACKAGE.glob("*.py"), *EXAMPLES.glob("*.py")]
+        self.assertGreater(len(files), 10)
+        for file in files:
+            with self.subTest(file=file.name):
+                tree = ast.parse(file.read_text(), feature_version=OLDEST)
+                # `X | Y` in annotations is evaluated otherwise, before 3.10.
+                future = [node for node in tree.body if isinstance(node, ast.ImportFrom)
+                          and node.module == "__future__"]  # fmt: skip
+                annotated = any(
+                    getattr(node, "annotation", None) or getattr(node, "returns", None)
+                    for node in ast.walk(tree)
+                )
+                if file.parent == PACKAGE and annotated:
+                    self.assertTrue(future, "from __future__ import annotations")
+
+    def test_each_python_of_this_machine_imports_the_package(self):
+        found = pythons()
+        self.assertTrue(found)
+        for name, python in found.items():
+            with self.subTest(name=name):
+                script = [python, "-c", IMPORT_ALL, PACKAGE, EXAMPLES]
+                answer = subprocess.run(script, capture_output=True, text=True, timeout=60)
+                self.assertEqual(answer.returncode, 0, answer.stderr)
+
+    def test_a_cancelled_task_is_told_without_the_help_of_python_3_11(self):
+        class Call:
+            def __init__(self, details):
+                self._details = details
+
+            def done(self):
+                return True
+
+            async def details(self):
+                return self._details
+
+        async def error_after(details):
+            with mock.patch.object(asyncio, "current_task", return_value=object()):
+                return await _transport.rpc_error(Call(details), asyncio.CancelledError())
+
+        found = asyncio.run(error_after("CANCELLED"))
+        self.assertIsInstance(found, isomatch.Unavailable)
+        with self.assertRaises(asyncio.CancelledError):
+            asyncio.run(error_after("Locally cancelled by application!"))
+
+    def test_grpc_tells_that_its_call_was_cancelled_here(self):
+        async def cancelled():
+            async with _transport.grpc.aio.insecure_channel("127.0.0.1:1") as channel:
+                call = channel.unary_unary("/none/None")(b"")
+                call.cancel()
+                return await call.details()
+
+        self.assertEqual(asyncio.run(cancelled()), _transport._CANCELLED_HERE)
+
+
+if __name__ == "__main__":
+    unittest.main()
