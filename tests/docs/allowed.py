@@ -1,6 +1,7 @@
 """Commands of the manuals that no test runs: why not, and what is looked at instead."""
 
 import dataclasses
+import json
 import re
 import subprocess
 import tempfile
@@ -154,6 +155,23 @@ def check_server_container(options):
     return problems + [f"-v mounts no {folder}" for folder in sorted(needed - mounted)]
 
 
+def check_grpcurl(words):
+    """Flags are grpcurl's, what is called or described is in service.proto, requests
+    are JSON."""
+    proto = read("proto/isomatch/v1/service.proto")
+    flags = [word for word in words if word.startswith("-")]
+    problems = [f"the tests know no grpcurl {flag}" for flag in flags
+                if flag not in ("-plaintext", "-d")]  # fmt: skip
+    for data in [value for flag, value in zip(words, words[1:]) if flag == "-d" and value != "@"]:
+        json.loads(data)
+    for name in re.findall(r"isomatch\.v1\.(\S+)", " ".join(words)):
+        service, _, rpc = name.rpartition("/")
+        kind = rf"service {service} " if service else rf"message {rpc} "
+        if not re.search(kind, proto) or (service and f"rpc {rpc}(" not in proto):
+            problems.append(f"service.proto has no {name}")
+    return problems
+
+
 ALLOWED = [
     Allowed("scripts/demo", "builds the release preset", programs.check_script),
     Allowed("scripts/test", "builds everything and runs this test", programs.check_script),
@@ -177,6 +195,7 @@ ALLOWED = [
     Allowed("apt install", "changes the machine", check_apt),
     Allowed("pip install", "uses the network", check_paths),
     Allowed("/usr/bin/python3 -m pip install", "changes the machine", check_paths),
+    Allowed("grpcurl", "not packaged by Debian", check_grpcurl),
     Allowed("systemctl", "needs systemd", check_unit),
 ]
 

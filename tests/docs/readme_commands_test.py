@@ -29,6 +29,8 @@ ELSEWHERE = {
     ("client/README.md", "Node", "sh"): (1, "tests/clients/python/readme_test.py"),
     ("client/README.md", "C++", "cmake"): (1, "tests/clients/python/cpp_test.py"),
     ("client/README.md", "C++", "cpp"): (1, "tests/clients/python/cpp_test.py"),
+    ("proto/README.md", "Numbering", "cpp"): (1, "tests/clients/python/numbering_test.py"),
+    ("proto/README.md", "Numbering", "js"): (1, "tests/clients/python/numbering_test.py"),
     ("proto/README.md", "From a shell", "sh"): (3, "tests/clients/python/buf_test.py"),
     ("proto/README.md", "In other languages", "sh"): (1, "tests/clients/python/languages_test.py"),
 }

@@ -6,8 +6,8 @@ import subprocess
 import unittest
 
 import support
-from isomatch import _draco
-from isomatch.mesh import as_mesh
+
+import isomatch
 
 MANUAL = pathlib.Path(os.environ["ISOMATCH_MANUAL"])
 ADDRESS = "127.0.0.1:7443"
@@ -22,10 +22,8 @@ class BufTest(unittest.TestCase):
     def test_the_recipes_of_the_manual_work(self):
         folder = support.folder()
         x, y = support.pair()
-        for path, name in ((x, "x.drc"), (y, "y.drc")):
-            mesh = as_mesh(path, "mesh")
-            encoded = _draco.encode(mesh.positions, mesh.faces)
-            (folder / name).write_bytes(encoded.data)
+        for path, name in ((x, "x.ply"), (y, "y.ply")):
+            support.write_ply(folder / name, *isomatch.read_mesh(path))
         path = f"{os.environ['ISOMATCH_BUF']}:{os.environ['PATH']}"
         with support.Server("--ephemeral") as server:
             script = "set -euo pipefail\n" + "".join(recipes())
