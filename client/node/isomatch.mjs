@@ -87,9 +87,25 @@ export async function call(client, rpc, request) {
 }
 
 /**
- * Returns {vertices, faces} (Float32Array of 3n, Uint32Array of 3m) as Draco
- * bytes, without loss. Edgebreaker reorders vertices; so each carries its number,
- * in an attribute that VERTEX_ORDER_ID_ATTRIBUTE finds by its metadata.
+ * The coordinates from the middle of the box around the vertices on faces, as
+ * `isomatch match` sends them: far from the origin single precision would leave little.
+ */
+function fromMiddle({vertices, faces}) {
+  const middle = [0, 1, 2].map((axis) => {
+    let [low, high] = [Infinity, -Infinity];
+    for (const v of faces) {
+      low = Math.min(low, vertices[3 * v + axis]);
+      high = Math.max(high, vertices[3 * v + axis]);
+    }
+    return 0.5 * (low + high);
+  });
+  return Float32Array.from(vertices, (x, i) => x - middle[i % 3]);
+}
+
+/**
+ * Returns {vertices, faces} (Float64Array of 3n, Uint32Array of 3m) as Draco
+ * bytes, in single precision. Edgebreaker reorders vertices; so each carries its
+ * number, in an attribute that VERTEX_ORDER_ID_ATTRIBUTE finds by its metadata.
  */
 export function encode({vertices, faces}) {
   const count = vertices.length / 3;
@@ -98,7 +114,7 @@ export function encode({vertices, faces}) {
   const metadata = new encoder.Metadata();
   const metadataBuilder = new encoder.MetadataBuilder();
   builder.AddFacesToMesh(mesh, faces.length / 3, faces);
-  builder.AddFloatAttribute(mesh, encoder.POSITION, count, 3, vertices);
+  builder.AddFloatAttribute(mesh, encoder.POSITION, count, 3, fromMiddle({vertices, faces}));
   const ids = builder.AddUInt32Attribute(
       mesh, encoder.GENERIC, count, 1, Uint32Array.from({length: count}, (_, i) => i));
   metadataBuilder.AddStringEntry(metadata, 'name', 'vertex_id');

@@ -157,7 +157,7 @@ const READERS = {'.off': readOff, '.obj': readObj, '.ply': readPly, '.stl': read
 
 /**
  * Returns {vertices, faces} of an OFF, OBJ, PLY or STL file with triangles:
- * a Float32Array of 3n and a Uint32Array of 3m numbers.
+ * a Float64Array of 3n and a Uint32Array of 3m numbers.
  */
 export function readMesh(path) {
   const reader = READERS[extname(path).toLowerCase()];
@@ -170,8 +170,8 @@ export function readMesh(path) {
       throw new Error(`face ${wrong} is [${faces[wrong]}], expected three of the vertices ` +
                       `0 to ${vertices.length - 1}`);
     }
-    const positions = Float32Array.from(vertices.flatMap((row) => row.slice(0, 3).map(Number)));
-    if (positions.length !== 3 * vertices.length || !positions.every(Number.isFinite)) {
+    const positions = Float64Array.from(vertices.flatMap((row) => row.slice(0, 3).map(Number)));
+    if (positions.length !== 3 * vertices.length || !positions.every((x) => Number.isFinite(Math.fround(x)))) {
       throw new Error('a vertex is not three numbers');
     }
     return {vertices: positions, faces: Uint32Array.from(faces.flat())};

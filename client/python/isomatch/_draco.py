@@ -1,4 +1,4 @@
-"""Writes meshes as Draco 2.2 streams: sequential, every value kept as it is.
+"""Writes meshes as Draco 2.2 streams: sequential, in single precision.
 
 The layout is that of the Draco Bitstream Specification (header, metadata,
 sequential connectivity, attributes) in its simplest form, without entropy
@@ -103,18 +103,32 @@ def _stream(
     )
 
 
-def encode(positions: NDArray[np.float32], faces: NDArray[np.uint32]) -> EncodedMesh:
-    """Returns the mesh as a Draco stream, without loss.
+def _from_middle(
+    positions: NDArray[np.float64], faces: NDArray[np.uint32]
+) -> NDArray[np.float32]:
+    """The positions as they travel: from the middle of the box around the vertices
+    on faces, as `isomatch match` sends them. Far from the origin, as georeferenced
+    meshes are, single precision would leave little of them."""
+    on_faces = positions[faces.reshape(-1)]
+    middle = 0.5 * (on_faces.min(axis=0) + on_faces.max(axis=0))
+    single: NDArray[np.float32] = (positions - middle).astype(np.float32)
+    return single
+
+
+def encode(positions: NDArray[np.float64], faces: NDArray[np.uint32]) -> EncodedMesh:
+    """Returns the mesh as a Draco stream, whose positions are those from the middle
+    of the mesh in single precision.
 
     positions: n x 3. faces: m x 3, m > 0, each below n. Where most vertices are
     on no face, only the others are written, with their numbers.
     """
     count = len(positions)
+    single = _from_middle(positions, faces)
     if count <= _MOST_POINTS_A_FACE * len(faces):
-        return EncodedMesh(_stream(positions, faces, None), False, count)
+        return EncodedMesh(_stream(single, faces, None), False, count)
     ids, renumbered = np.unique(faces, return_inverse=True)
     data = _stream(
-        positions[ids],
+        single[ids],
         renumbered.reshape(faces.shape).astype(np.uint32),
         ids.astype(np.uint32),
     )

@@ -81,9 +81,9 @@ MeshLike = Union[
 
 @dataclass(frozen=True)
 class Mesh:
-    """positions: n x 3, single precision, as they travel. faces: m x 3, 0-based."""
+    """positions: n x 3, which single precision can hold. faces: m x 3, 0-based."""
 
-    positions: NDArray[np.float32]
+    positions: NDArray[np.float64]
     faces: NDArray[np.uint32]
 
 
@@ -91,7 +91,7 @@ def invalid(field: str, message: str) -> InvalidInput:
     return InvalidInput(f"{field}: {message}", reason="INVALID_FIELD", field=field)
 
 
-def _positions(values: ArrayLike, field: str) -> NDArray[np.float32]:
+def _positions(values: ArrayLike, field: str) -> NDArray[np.float64]:
     try:
         array = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
@@ -106,7 +106,7 @@ def _positions(values: ArrayLike, field: str) -> NDArray[np.float32]:
             f"{field}[{wrong[0]}]",
             f"is {array[wrong[0]].tolist()}, expected numbers of single precision",
         )
-    return np.ascontiguousarray(single)
+    return np.ascontiguousarray(array)
 
 
 def _faces(values: ArrayLike, vertices: int, field: str) -> NDArray[np.uint32]:

@@ -6,6 +6,7 @@ import meshio
 import numpy as np
 
 import isomatch
+from isomatch import _draco
 from isomatch.mesh import as_mesh
 
 POINTS = np.array([[0, 0, 0], [2, 0, 0], [2, 2, 0.5], [0, 2, 0], [1, 3.25, 0]])
@@ -77,6 +78,14 @@ class MeshObjectsTest(unittest.TestCase):
                     as_mesh(mesh, "y")
                 self.assertIn(said, str(caught.exception))
                 self.assertEqual(caught.exception.field, "y")
+
+    def test_where_a_mesh_lies_does_not_matter(self):
+        faces = np.array(TRIANGLES)
+        streams = []
+        for place in ([0, 0, 0], [500000, 4500000, 120.5]):
+            mesh = as_mesh((POINTS + place, faces), "x")
+            streams.append(_draco.encode(mesh.positions, mesh.faces).data)
+        self.assertEqual(*streams)
 
     def test_other_types_are_a_type_error_that_names_what_is_taken(self):
         points = POINTS, np.array(TRIANGLES), None

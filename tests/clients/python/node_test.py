@@ -8,6 +8,7 @@ import subprocess
 import unittest
 from unittest import mock
 
+import numpy as np
 import resetting_server
 import support
 
@@ -77,6 +78,18 @@ class NodeTest(unittest.TestCase):
         with mock.patch(f"{__name__}.MATCH", folder / "match.mjs"):
             self.run_match(*support.pair())
         self.assertEqual(self.output.read_bytes(), support.map_of_command_line(*support.pair()))
+
+    def test_where_a_mesh_lies_does_not_matter(self):
+        x, y = support.pair()
+        vertices, faces = isomatch.read_mesh(x)
+        maps = []
+        for name, place in (("here", [0, 0, 0]), ("far", [500000, 4500000, 120])):
+            # Both sums are exact.
+            moved = np.round(vertices * 1024) / 1024 + place
+            path = support.write_ascii_stl(support.folder() / f"{name}.stl", moved, faces)
+            self.run_match(path, y)
+            maps.append(self.output.read_bytes())
+        self.assertEqual(*maps)
 
     def test_stl_is_numbered_as_the_command_line_numbers_it(self):
         mesh_x, mesh_y = map(isomatch.read_mesh, support.pair())
