@@ -51,7 +51,9 @@ class JobStore {
 
   /// Replaces the job's record and returns it with its new sequence. ABORTED
   /// when record.sequence is not the stored one: read again and decide again.
-  /// NOT_FOUND when the job is gone.
+  /// NOT_FOUND when the job is gone. Progress alone never waits for a disk:
+  /// FAILED_PRECONDITION, and nothing has changed, while another change of the
+  /// job is on its way there.
   virtual absl::StatusOr<JobRecord> Update(JobRecord record) = 0;
 
   virtual std::optional<JobRecord> Get(const std::string& id) const = 0;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "absl/cleanup/cleanup.h"
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 
@@ -15,6 +16,12 @@ constexpr std::uint64_t kSequenceGap = std::uint64_t{1} << 32;
 
 absl::Status NotFound(const std::string& id) {
   return absl::NotFoundError(absl::StrCat("no job ", id));
+}
+
+/// Whether more has changed than what a run tells of itself.
+bool IsKept(const JobRecord& before, const JobRecord& after) {
+  return after.state != before.state || after.attempt != before.attempt ||
+         IsTerminal(after.state);
 }
 
 bool HasLabels(const JobRecord& record,
@@ -65,29 +72,55 @@ absl::StatusOr<JobRecord> MemoryJobStore::Insert(JobRecord record) {
 }
 
 absl::StatusOr<JobRecord> MemoryJobStore::Update(JobRecord record) {
-  MutexLock writing(writer_mutex_);
-  bool is_kept = false;
   {
     MutexLock lock(mutex_);
-    const auto position = records_.find(record.id);
-    if (position == records_.end()) return NotFound(record.id);
-    const JobRecord& stored = position->second;
-    if (stored.sequence != record.sequence) {
-      return absl::AbortedError(absl::StrCat("job ", record.id, " is at ",
-                                             stored.sequence, ", not at ",
-                                             record.sequence));
-    }
-    is_kept = record.state != stored.state;
-    record.sequence = ++last_sequence_;
+    ISOMATCH_ASSIGN_OR_RETURN(JobRecord* const stored, FindSame(record));
+    if (!IsKept(*stored, record)) return Advance(std::move(record), *stored);
   }
-  if (is_kept) {
-    const absl::Status written = WriteJournal({record});
-    if (!written.ok()) {
-      unwritten_.insert(record.id);
-      on_error_(written);
-    }
+  return Keep(std::move(record));
+}
+
+absl::StatusOr<JobRecord*> MemoryJobStore::FindSame(const JobRecord& record) {
+  const auto position = records_.find(record.id);
+  if (position == records_.end()) return NotFound(record.id);
+  JobRecord& stored = position->second;
+  if (stored.sequence != record.sequence) {
+    return absl::AbortedError(absl::StrCat("job ", record.id, " is at ",
+                                           stored.sequence, ", not at ",
+                                           record.sequence));
   }
+  return &stored;
+}
+
+absl::StatusOr<JobRecord> MemoryJobStore::Advance(JobRecord record,
+                                                  JobRecord& stored) {
+  if (being_kept_ == record.id) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("another change of job ", record.id, " is being kept"));
+  }
+  record.sequence = ++last_sequence_;
+  stored = record;
+  return record;
+}
+
+absl::StatusOr<JobRecord> MemoryJobStore::Keep(JobRecord record) {
+  MutexLock writing(writer_mutex_);
   JobRecord copy = record;  // nothing has changed if memory ends here
+  {
+    MutexLock lock(mutex_);
+    ISOMATCH_RETURN_IF_ERROR(FindSame(record).status());
+    record.sequence = copy.sequence = ++last_sequence_;
+    being_kept_ = record.id;
+  }
+  const auto kept = absl::MakeCleanup([this] {
+    MutexLock lock(mutex_);
+    being_kept_.clear();
+  });
+  const absl::Status written = WriteJournal({record});
+  if (!written.ok()) {
+    unwritten_.insert(record.id);
+    on_error_(written);
+  }
   MutexLock lock(mutex_);
   JobRecord& stored = records_.at(record.id);
   if (IsTerminal(record.state)) {

@@ -18,7 +18,7 @@
 namespace isomatch {
 
 /// Records in memory: gone when the process ends, unless there is a journal.
-/// Thread-safe; readers never wait for the journal.
+/// Thread-safe; neither readers nor reports of progress wait for the journal.
 class MemoryJobStore : public JobStore {
  public:
   using OnError = std::function<void(const absl::Status&)>;
@@ -26,12 +26,12 @@ class MemoryJobStore : public JobStore {
   MemoryJobStore() = default;
 
   /// Begins with the `records` of an earlier process and keeps jobs and changes
-  /// of state in the journal before anybody sees them; progress alone is not
-  /// kept. When the journal fails, a new job is refused, and any other change
-  /// holds in memory, is told to `on_error` and written with the next one:
-  /// until then a crash makes the job run again. New jobs get numbers from
-  /// `first_number` on; it has to be above those of jobs that are deleted by
-  /// now, so that page tokens stay in their place.
+  /// of state or attempt in the journal before anybody sees them; progress
+  /// alone is not kept. When the journal fails, a new job is refused, and any
+  /// other change holds in memory, is told to `on_error` and written with the
+  /// next one: until then a crash makes the job run again. New jobs get numbers
+  /// from `first_number` on; it has to be above those of jobs that are deleted
+  /// by now, so that page tokens stay in their place.
   MemoryJobStore(std::vector<JobRecord> records, JobJournal* journal,
                  OnError on_error, std::uint64_t first_number = 1);
 
@@ -56,6 +56,18 @@ class MemoryJobStore : public JobStore {
   /// Removes the job from all tables.
   void Remove(const std::string& id) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
+  // The parts of Update.
+
+  /// Returns the stored record; NOT_FOUND, ABORTED.
+  absl::StatusOr<JobRecord*> FindSame(const JobRecord& record)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  /// What the journal need not know.
+  absl::StatusOr<JobRecord> Advance(JobRecord record, JobRecord& stored)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  /// What the journal has first.
+  absl::StatusOr<JobRecord> Keep(JobRecord record)
+      ABSL_LOCKS_EXCLUDED(writer_mutex_, mutex_);
+
   /// Writes the records, and those that could not be written before.
   absl::Status WriteJournal(std::vector<JobRecord> records)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(writer_mutex_);
@@ -63,13 +75,15 @@ class MemoryJobStore : public JobStore {
   JobJournal* const journal_ = nullptr;
   const OnError on_error_;
 
-  /// Held by whoever changes something, also while the journal writes. Before
-  /// mutex_, which is only held for a moment.
+  /// Held by whoever changes what is kept, also while the journal writes.
+  /// Before mutex_, which is only held for a moment.
   Mutex writer_mutex_;
   /// Jobs whose newest change is not in the journal.
   std::set<std::string> unwritten_ ABSL_GUARDED_BY(writer_mutex_);
 
   mutable Mutex mutex_;
+  /// The job whose change the journal is writing, or empty.
+  std::string being_kept_ ABSL_GUARDED_BY(mutex_);
   std::uint64_t last_sequence_ ABSL_GUARDED_BY(mutex_) = 0;
   std::uint64_t last_number_ ABSL_GUARDED_BY(mutex_) = 0;
   Records records_ ABSL_GUARDED_BY(mutex_);

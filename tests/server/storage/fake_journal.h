@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <map>
 #include <string>
 #include <vector>
@@ -12,6 +13,7 @@ namespace isomatch {
 class FakeJournal : public JobJournal {
  public:
   absl::Status Write(const std::vector<JobRecord>& records) override {
+    if (during_write) during_write();
     if (!failure.ok()) return failure;
     for (const JobRecord& record : records) kept[record.id] = record;
     ++writes;
@@ -32,6 +34,8 @@ class FakeJournal : public JobJournal {
 
   std::map<std::string, JobRecord> kept;
   absl::Status failure;
+  /// What happens while the disk takes its time.
+  std::function<void()> during_write;
   int writes = 0;
 };
 

@@ -2,6 +2,7 @@
 
 #include <map>
 #include <string>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -196,6 +197,37 @@ TEST(MemoryJobStoreTest, TenantsHaveTheirOwnRequestsAndLists) {
   EXPECT_EQ(store.FindByRequestId("two", "r")->id, "b");
   EXPECT_THAT(Ids(store.List({.tenant = "two"})), ElementsAre("b"));
   EXPECT_THAT(Ids(store.List({})), ElementsAre("b", "a"));
+}
+
+TEST(MemoryJobStoreTest, ProgressDoesNotWaitForADiskThatStalls) {
+  FakeJournal journal;
+  MemoryJobStore store({}, &journal, [](const absl::Status&) {});
+  JobRecord changing = *store.Insert(NewJob("a"));
+  JobRecord other = *store.Insert(NewJob("b"));
+  absl::Status of_other;
+  absl::Status of_same;
+  // On another thread: on this one a lock would be taken twice.
+  journal.during_write = [&] {
+    std::thread([&] {
+      other.progress.total_fraction = 0.5;
+      of_other = store.Update(other).status();
+      JobRecord same = *store.Get("a");
+      same.progress.total_fraction = 0.5;
+      of_same = store.Update(same).status();
+    }).join();
+  };
+  changing.state = JobState::kRunning;
+  const auto changed = store.Update(changing);
+  ASSERT_THAT(changed, IsOk());
+  EXPECT_THAT(of_other, IsOk());
+  EXPECT_EQ(store.Get("b")->progress.total_fraction, 0.5);
+  // Nothing comes between a change and the disk.
+  EXPECT_FALSE(of_same.ok());
+  EXPECT_EQ(store.Get("a")->progress.total_fraction, 0);
+  journal.during_write = nullptr;
+  changing = *changed;
+  changing.progress.total_fraction = 0.25;
+  EXPECT_THAT(store.Update(changing), IsOk());
 }
 
 TEST(MemoryJobStoreTest, OnlyChangesOfStateAreWrittenToTheJournal) {
