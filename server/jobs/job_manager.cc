@@ -397,7 +397,7 @@ void JobManager::ForgetOld() {
 absl::StatusOr<JobRecord> JobManager::Move(const std::string& id, JobState to,
                                            const Edit& edit) {
   ISOMATCH_ASSIGN_OR_RETURN(const JobRecord moved,
-                            Change(id, [&](JobRecord& record) {
+                            Replace(id, [&](JobRecord& record) {
                               if (!CanMove(record.state, to))
                                 return JobIsTerminal(id, record.state);
                               if (edit) ISOMATCH_RETURN_IF_ERROR(edit(record));
@@ -412,18 +412,25 @@ absl::StatusOr<JobRecord> JobManager::Move(const std::string& id, JobState to,
     UnpinInputs(moved);
   }
   if (parts_.on_state) parts_.on_state(moved);
+  watchers_.Notify(id);
   if (IsTerminal(to)) Prune();
   return moved;
 }
 
 absl::StatusOr<JobRecord> JobManager::Change(const std::string& id,
                                              const Edit& edit) {
+  auto changed = Replace(id, edit);
+  if (changed.ok()) watchers_.Notify(id);
+  return changed;
+}
+
+absl::StatusOr<JobRecord> JobManager::Replace(const std::string& id,
+                                              const Edit& edit) {
   while (true) {
     std::optional<JobRecord> record = parts_.jobs->Get(id);
     if (!record) return JobNotFound(id);
     ISOMATCH_RETURN_IF_ERROR(edit(*record));
     auto changed = parts_.jobs->Update(*std::move(record));
-    if (changed.ok()) watchers_.Notify(id);
     if (!absl::IsAborted(changed.status())) return changed;
   }
 }

@@ -242,12 +242,15 @@ class JobManager {
   absl::StatusOr<JobRecord> Find(const Caller& caller,
                                  const std::string& id) const;
 
-  /// Applies `edit` to the newest record, again if another change came first,
-  /// and tells the watchers.
+  /// Applies `edit` to the newest record, again if another change came first.
+  absl::StatusOr<JobRecord> Replace(const std::string& id, const Edit& edit);
+
+  /// Replace; tells the watchers.
   absl::StatusOr<JobRecord> Change(const std::string& id, const Edit& edit);
 
   /// The one function that changes a job's state. FAILED_PRECONDITION when the
-  /// drawing above has no such arrow.
+  /// drawing above has no such arrow. on_state is told first, then the
+  /// watchers: who hears of a job's end finds it counted.
   absl::StatusOr<JobRecord> Move(const std::string& id, JobState to,
                                  const Edit& edit = {});
 

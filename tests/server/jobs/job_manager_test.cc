@@ -419,6 +419,26 @@ TEST_F(JobManagerTest, WatchersAreToldOfEveryChangeUntilTheyAreRemoved) {
   EXPECT_EQ(watcher->calls, 3);
 }
 
+/// Looks what was counted when it is told.
+class HistoryWatcher : public JobWatcher {
+ public:
+  explicit HistoryWatcher(const std::vector<std::string>* history)
+      : history_(history) {}
+  void OnJobChanged() override { seen = history_->back(); }
+  std::string seen;
+
+ private:
+  const std::vector<std::string>* const history_;
+};
+
+TEST_F(JobManagerTest, AChangeIsCountedBeforeWatchersAreTold) {
+  const auto watcher = std::make_shared<HistoryWatcher>(&history_);
+  const std::string id = Create();
+  manager_->watchers().Add(id, watcher);
+  EXPECT_TRUE(workers_.RunNext());
+  EXPECT_EQ(watcher->seen, "SUCCEEDED");
+}
+
 /// Real threads: every job ends once, whatever comes at the same time.
 TEST_F(JobManagerTest, JobsCancelledAndTimedOutByManyThreadsAllEnd) {
   ThreadPool workers(3);
