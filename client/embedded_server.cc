@@ -8,6 +8,7 @@ absl::StatusOr<std::unique_ptr<Server>> StartEmbeddedServer(
     int workers, std::uint32_t threads) {
   ServerConfig config;
   config.listen.clear();
+  config.max_run_time = absl::ZeroDuration();  // it is its user's own machine
   config.workers = workers;
   config.threads_per_job = static_cast<int>(threads);
   return Server::Create(config);

@@ -48,4 +48,13 @@ void LogState(const JobRecord& job, absl::Time now) {
   Log(job.error ? LogLevel::kWarning : LogLevel::kInfo, message, fields);
 }
 
+void LogStuck(const JobRecord& job) {
+  Log(LogLevel::kError,
+      absl::StrCat("job ", job.id, " was asked to stop and does not (",
+                   job.faults, " times by now): its worker is given up"),
+      {{"job", job.id},
+       {"tenant", job.tenant},
+       {"state", JobStateName(job.state)}});
+}
+
 }  // namespace isomatch

@@ -9,4 +9,7 @@ namespace isomatch {
 /// failures as warnings, everything else as information.
 void LogState(const JobRecord& job, absl::Time now);
 
+/// Logs, as an error, that a job was asked to stop and did not.
+void LogStuck(const JobRecord& job);
+
 }  // namespace isomatch

@@ -1,3 +1,4 @@
+#include <atomic>
 #include <csignal>
 #include <iostream>
 #include <memory>
@@ -25,6 +26,12 @@ constexpr absl::Duration kProbeTimeout = absl::Seconds(2);
 /// What the shutdown may take beyond the drain timeout: a second, with the end
 /// of the process.
 constexpr absl::Duration kLastSecond = absl::Milliseconds(900);
+
+/// Exit status of a server that jobs have taken over.
+constexpr int kGaveUp = 3;
+
+/// What the jobs beside those get to stop.
+constexpr absl::Duration kGiveUpGrace = absl::Seconds(1);
 
 /// Blocks the signals in this thread and those it starts, for sigwait.
 sigset_t BlockStopSignals() {
@@ -80,17 +87,36 @@ void LogStart(const ServerConfig& config, const Server& server) {
                    ClientFlags(config), " X Y -o MAP"));
 }
 
+/// How a server ends.
+struct Ending {
+  int exit_status = 0;
+  absl::Duration drain = absl::ZeroDuration();
+  /// What jobs get to stop after it.
+  absl::Duration grace = absl::ZeroDuration();
+};
+
+bool HasRunningJobs(const std::weak_ptr<Server>& weak) {
+  const std::shared_ptr<Server> server = weak.lock();
+  return server != nullptr && server->running_jobs() > 0;
+}
+
 /// Ends the process on a second signal, and when a peer or a job holds up the
 /// shutdown: nothing that has to be saved is left then.
-void GuardShutdown(const sigset_t& signals, absl::Duration drain) {
+void GuardShutdown(const sigset_t& signals, const Ending& ending,
+                   const std::weak_ptr<Server>& server) {
   std::thread([signals] {
     int signal = 0;
     sigwait(&signals, &signal);
     _exit(1);
   }).detach();
-  std::thread([drain] {
-    absl::SleepFor(drain + kLastSecond);
-    _exit(0);
+  std::thread([ending, server] {
+    absl::SleepFor(ending.drain);
+    const absl::Time latest = absl::Now() + ending.grace;
+    while (HasRunningJobs(server) && absl::Now() < latest) {
+      absl::SleepFor(absl::Milliseconds(10));
+    }
+    absl::SleepFor(kLastSecond);
+    _exit(ending.exit_status);
   }).detach();
 }
 
@@ -106,24 +132,41 @@ int ReportHealth(const std::string& address, const TlsFiles& tls) {
   return 1;
 }
 
-int Serve(const ServerConfig& config) {
-  umask(S_IRWXG | S_IRWXO);  // what it stores is nobody else's
-  const sigset_t signals = BlockStopSignals();
-  const auto server = Server::Create(config);
-  if (!server.ok()) {
-    std::cerr << "isomatch-server: " << server.status().message() << "\n";
-    return 1;
-  }
-  LogStart(config, **server);
+/// Waits for a signal, or until jobs have taken the server over.
+Ending WaitForTheEnd(const ServerConfig& config, const sigset_t& signals,
+                     const std::atomic<bool>& has_given_up) {
   int signal = 0;
   sigwait(&signals, &signal);
+  if (has_given_up) return {kGaveUp, absl::ZeroDuration(), kGiveUpGrace};
   Log(LogLevel::kInfo,
       absl::StrCat("stopping: no new jobs, running ones get ",
                    absl::FormatDuration(config.drain_timeout)));
-  GuardShutdown(signals, config.drain_timeout);
-  (*server)->Shutdown(config.drain_timeout);
+  return {0, config.drain_timeout, config.unresponsive_grace};
+}
+
+int Serve(const ServerConfig& config) {
+  umask(S_IRWXG | S_IRWXO);  // what it stores is nobody else's
+  const sigset_t signals = BlockStopSignals();
+  std::atomic<bool> has_given_up = false;
+  const auto give_up = [&](const std::string& reason) {
+    Log(LogLevel::kError,
+        absl::StrCat("giving up, to be started again: ", reason));
+    has_given_up = true;
+    kill(getpid(), SIGTERM);
+  };
+  auto created = Server::Create(config, CoreMatchEngine(), give_up);
+  if (!created.ok()) {
+    std::cerr << "isomatch-server: " << created.status().message() << "\n";
+    return 1;
+  }
+  const std::shared_ptr<Server> server = *std::move(created);
+  LogStart(config, *server);
+  const Ending ending = WaitForTheEnd(config, signals, has_given_up);
+  GuardShutdown(signals, ending, server);
+  server->Shutdown(ending.drain);
   Log(LogLevel::kInfo, "stopped");
-  return 0;
+  if (server->stuck_workers() > 0) _exit(ending.exit_status);
+  return ending.exit_status;
 }
 
 int Main(int argc, char** argv) {

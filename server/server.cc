@@ -43,6 +43,12 @@ namespace {
 constexpr absl::Duration kLastCalls = absl::Milliseconds(400);
 constexpr absl::Duration kStreamsEnd = absl::Milliseconds(400);
 
+/// What gRPC may hold for all its connections.
+constexpr size_t kGrpcBytes = size_t{512} << 20;
+
+/// What the process itself has, and memory that was freed but not given back.
+constexpr std::int64_t kProcessBytes = std::int64_t{256} << 20;
+
 std::string RandomId() {
   std::string bytes(16, '\0');
   RAND_bytes(reinterpret_cast<unsigned char*>(bytes.data()),
@@ -73,6 +79,20 @@ int ChooseThreads(const ServerConfig& config) {
   if (config.threads_per_job > 0) return config.threads_per_job;
   const int cores = static_cast<int>(std::thread::hardware_concurrency());
   return std::max(1, cores / config.workers);
+}
+
+/// The budget, a quarter of it for what is held beside it, gRPC's buffers, and
+/// blobs in memory.
+std::int64_t ChooseMaxResidentBytes(const ServerConfig& config) {
+  if (config.max_resident_bytes > 0) return config.max_resident_bytes;
+  constexpr double kMost = 0.95;
+  const std::int64_t budget = ChooseBudgetBytes(config);
+  const std::int64_t wanted =
+      budget + budget / 4 + static_cast<std::int64_t>(kGrpcBytes) +
+      (config.is_durable() ? 0 : config.blob_store_bytes);
+  return std::min(wanted,
+                  static_cast<std::int64_t>(
+                      kMost * static_cast<double>(AvailableMemoryBytes())));
 }
 
 /// Null when there is to be no endpoint.
@@ -125,7 +145,7 @@ void SetChannelArguments(const RequestLimits& limits,
   builder.AddChannelArgument(GRPC_ARG_MAX_CONNECTION_AGE_MS, kHour);
   builder.AddChannelArgument(GRPC_ARG_MAX_CONNECTION_AGE_GRACE_MS, kHour / 6);
   grpc::ResourceQuota quota("isomatch");
-  quota.Resize(size_t{512} << 20);
+  quota.Resize(kGrpcBytes);
   builder.SetResourceQuota(quota);
 }
 
@@ -134,7 +154,7 @@ void SetChannelArguments(const RequestLimits& limits,
 class Server::Impl {
  public:
   Impl(const ServerConfig& config, MatchEngine engine,
-       std::unique_ptr<ApiKeys> keys, Stores stores);
+       std::unique_ptr<ApiKeys> keys, Stores stores, OnGiveUp on_give_up);
   ~Impl();
 
   absl::Status Listen();
@@ -147,6 +167,7 @@ class Server::Impl {
   const MemoryBudget& budget() const { return budget_; }
   int threads_per_job() const { return context_.parse.threads_per_job; }
   const RequestLimits& limits() const { return context_.parse.limits; }
+  JobManager::Load load() const { return manager_.load(); }
   std::shared_ptr<grpc::Channel> InProcessChannel() {
     return grpc_->InProcessChannel(grpc::ChannelArguments());
   }
@@ -156,6 +177,7 @@ class Server::Impl {
   JobManager::Parts MakeJobParts();
   ServiceContext MakeContext();
   void OnState(const JobRecord& job);
+  JobManager::MemoryFigures ReadMemory() const;
   LoadFigures ReadLoad();
   std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>
   MakeInterceptors();
@@ -165,6 +187,7 @@ class Server::Impl {
   const std::unique_ptr<PrometheusMetrics> prometheus_;
   Metrics& metrics_;
   const Stores stores_;
+  const OnGiveUp on_give_up_;
   PreparedCache prepared_;
   MemoryBudget budget_;
   MemoryBudget request_bytes_;
@@ -181,6 +204,8 @@ class Server::Impl {
   std::unique_ptr<ThreadPool> intake_;
   TenantTurns intake_turns_;
   std::unique_ptr<ThreadPool> disk_;
+  std::unique_ptr<ThreadPool> watch_;
+  const std::int64_t max_resident_bytes_;
   PartialUploads partial_uploads_;
   JobManager manager_;
   const ServiceContext context_;
@@ -192,12 +217,14 @@ class Server::Impl {
 };
 
 Server::Impl::Impl(const ServerConfig& config, MatchEngine engine,
-                   std::unique_ptr<ApiKeys> keys, Stores stores)
+                   std::unique_ptr<ApiKeys> keys, Stores stores,
+                   OnGiveUp on_give_up)
     : config_(config),
       access_(std::move(keys)),
       prometheus_(MakeMetrics(config)),
       metrics_(prometheus_ == nullptr ? NullMetrics() : *prometheus_),
       stores_(std::move(stores)),
+      on_give_up_(std::move(on_give_up)),
       prepared_(ChoosePreparedCacheBytes(config), stores_.prepared.get()),
       budget_(ChooseBudgetBytes(config) - ChoosePreparedCacheBytes(config)),
       request_bytes_(RequestBytes(config)),
@@ -213,6 +240,8 @@ Server::Impl::Impl(const ServerConfig& config, MatchEngine engine,
       intake_turns_({.max_waiting_per_tenant = TenantLimitsOf(config).requests},
                     intake_.get()),
       disk_(std::make_unique<ThreadPool>(1)),
+      watch_(std::make_unique<ThreadPool>(1)),
+      max_resident_bytes_(ChooseMaxResidentBytes(config)),
       partial_uploads_(&uploads_, timers_.get(), config.partial_upload_kept),
       manager_(MakeJobLimits(), MakeJobParts()),
       context_(MakeContext()),
@@ -224,6 +253,7 @@ Server::Impl::~Impl() {
   partial_uploads_.Clear();
   intake_.reset();
   disk_.reset();
+  watch_.reset();
   workers_.reset();
   timers_.reset();
 }
@@ -238,6 +268,10 @@ JobManager::Limits Server::Impl::MakeJobLimits() const {
   limits.durable = config_.is_durable();
   limits.max_result_bytes = config_.blob_store_bytes / 4;
   limits.unwatched_grace = config_.unwatched_grace;
+  limits.unresponsive_grace = config_.unresponsive_grace;
+  if (config_.max_run_time > absl::ZeroDuration()) {
+    limits.max_run_time = config_.max_run_time;
+  }
   return limits;
 }
 
@@ -255,6 +289,11 @@ JobManager::Parts Server::Impl::MakeJobParts() {
     return LoadJobSpec(record, context_.parse);
   };
   parts.on_state = [this](const JobRecord& job) { OnState(job); };
+  parts.watch = watch_.get();
+  parts.read_memory = [this] { return ReadMemory(); };
+  parts.traces = stores_.traces.get();
+  if (!config_.listen.empty()) parts.on_stuck = LogStuck;
+  parts.on_give_up = on_give_up_;
   return parts;
 }
 
@@ -263,10 +302,20 @@ void Server::Impl::OnState(const JobRecord& job) {
   if (!config_.listen.empty()) LogState(job, absl::Now());
 }
 
+JobManager::MemoryFigures Server::Impl::ReadMemory() const {
+  const std::int64_t reserved =
+      budget_.reserved_bytes() + prepared_.size_bytes() +
+      request_bytes_.reserved_bytes() + upload_bytes_.reserved_bytes();
+  return {.resident_bytes = ResidentBytes(),
+          .expected_bytes = kProcessBytes + reserved,
+          .limit_bytes = max_resident_bytes_};
+}
+
 LoadFigures Server::Impl::ReadLoad() {
   const JobManager::Load load = manager_.load();
   const PreparedCache::Counts prepared = prepared_.counts();
   LoadFigures figures = {.running_jobs = load.running_jobs,
+                         .stuck_workers = load.stuck_jobs,
                          .watchers = manager_.watchers().size(),
                          .memory_budget_bytes = budget_.total_bytes(),
                          .memory_reserved_bytes = budget_.reserved_bytes(),
@@ -310,6 +359,7 @@ ServiceContext Server::Impl::MakeContext() {
   context.workers = config_.workers;
   context.durable = config_.is_durable();
   context.job_retention = config_.job_retention;
+  context.max_run_time = config_.max_run_time;
   context.watch_heartbeat = config_.watch_heartbeat;
   context.upload_idle_timeout = config_.upload_idle_timeout;
   return context;
@@ -381,12 +431,12 @@ absl::StatusOr<std::unique_ptr<Server>> Server::Create(
 }
 
 absl::StatusOr<std::unique_ptr<Server>> Server::Create(
-    const ServerConfig& config, MatchEngine engine) {
+    const ServerConfig& config, MatchEngine engine, OnGiveUp on_give_up) {
   ISOMATCH_RETURN_IF_ERROR(config.Validate());
   ISOMATCH_ASSIGN_OR_RETURN(std::unique_ptr<ApiKeys> keys, OpenKeys(config));
   ISOMATCH_ASSIGN_OR_RETURN(Stores stores, OpenStores(config));
   auto impl = std::make_unique<Impl>(config, std::move(engine), std::move(keys),
-                                     std::move(stores));
+                                     std::move(stores), std::move(on_give_up));
   ISOMATCH_RETURN_IF_ERROR(impl->Listen());
   return std::unique_ptr<Server>(new Server(std::move(impl)));
 }
@@ -401,6 +451,9 @@ const RequestLimits& Server::limits() const { return impl_->limits(); }
 std::int64_t Server::memory_budget_bytes() const {
   return impl_->budget().total_bytes();
 }
+
+int Server::running_jobs() const { return impl_->load().running_jobs; }
+int Server::stuck_workers() const { return impl_->load().stuck_jobs; }
 
 std::shared_ptr<grpc::Channel> Server::InProcessChannel() {
   return impl_->InProcessChannel();

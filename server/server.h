@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <string>
 
@@ -18,7 +19,8 @@ namespace isomatch {
 /// Shutdown order:
 ///   1. health answers NOT_SERVING, CreateJob answers UNAVAILABLE (DRAINING);
 ///   2. no job starts any more, running ones get the drain time;
-///   3. those that still run are asked to stop. With a data directory they and
+///   3. those that still run are asked to stop, and get unresponsive_grace for
+///      it. With a data directory they and
 ///      the queued ones are QUEUED there and run when the server starts again;
 ///      without, they become CANCELLED;
 ///   4. watchers get their last message, or UNAVAILABLE (DRAINING) when the job
@@ -35,11 +37,19 @@ class Server {
   static absl::StatusOr<std::unique_ptr<Server>> Create(
       const ServerConfig& config);
 
-  /// The same with another implementation of the method, for tests.
-  static absl::StatusOr<std::unique_ptr<Server>> Create(
-      const ServerConfig& config, MatchEngine engine);
+  /// Called at most once, from any thread, with the reason: jobs that do not
+  /// stop have taken all workers or too much memory, so the process should shut
+  /// down without a drain and start again.
+  using OnGiveUp = std::function<void(const std::string& reason)>;
 
-  /// Shuts down at once if Shutdown was not called.
+  /// The same with another implementation of the method, for tests, and
+  /// OnGiveUp; without it the server goes on as well as it can.
+  static absl::StatusOr<std::unique_ptr<Server>> Create(
+      const ServerConfig& config, MatchEngine engine,
+      OnGiveUp on_give_up = nullptr);
+
+  /// Shuts down at once if Shutdown was not called. Does not return before all
+  /// workers have, also those that stuck_workers counts.
   ~Server();
 
   Server(const Server&) = delete;
@@ -65,8 +75,14 @@ class Server {
   /// must outlive it.
   std::shared_ptr<grpc::Channel> InProcessChannel();
 
-  /// Steps 1 to 4; running jobs get `drain`. Returns when no job runs. Calls
-  /// after the first do nothing.
+  /// Jobs that have a worker, without those that are stuck.
+  int running_jobs() const;
+
+  /// Workers that did not come back when their jobs were asked to stop.
+  int stuck_workers() const;
+
+  /// Steps 1 to 4; running jobs get `drain`, then the configuration's
+  /// unresponsive_grace to stop. Calls after the first do nothing.
   void Shutdown(absl::Duration drain);
 
  private:

@@ -130,6 +130,8 @@ absl::Status ServerConfig::Validate() const {
       CheckCount("--threads-per-job", threads_per_job, kThreadsPerJob));
   ISOMATCH_RETURN_IF_ERROR(
       CheckBytes("--memory-budget", memory_budget_bytes, kMemoryBudgetBytes));
+  ISOMATCH_RETURN_IF_ERROR(CheckBytes("--max-resident-bytes",
+                                      max_resident_bytes, kMemoryBudgetBytes));
   ISOMATCH_RETURN_IF_ERROR(
       CheckBytes("--blob-store-bytes", blob_store_bytes, kBlobStoreBytes));
   ISOMATCH_RETURN_IF_ERROR(CheckBytes(
@@ -161,6 +163,10 @@ absl::Status ServerConfig::Validate() const {
   }
   ISOMATCH_RETURN_IF_ERROR(
       CheckCount("--max-kept-jobs", max_kept_jobs, kMaxKeptJobs));
+  ISOMATCH_RETURN_IF_ERROR(
+      CheckDuration("--max-run-time", max_run_time, kMaxRunTime));
+  ISOMATCH_RETURN_IF_ERROR(CheckDuration(
+      "--unresponsive-grace", unresponsive_grace, kUnresponsiveGrace));
   ISOMATCH_RETURN_IF_ERROR(
       CheckDuration("--drain-timeout", drain_timeout, kDrainTimeout));
   ISOMATCH_RETURN_IF_ERROR(

@@ -52,6 +52,11 @@ struct ServerConfig {
   /// the machine or its cgroup has; more than that is cut down to it.
   static constexpr IntRange kMemoryBudgetBytes = {0, std::int64_t{1} << 50};
   std::int64_t memory_budget_bytes = 0;
+  /// What the process may have resident. Beyond it jobs that make no progress
+  /// are stopped, and the process ends when they do not: earlier than the
+  /// system would end it. 0 stands for the budget and what may be beside it, at
+  /// most 95 % of what the machine or its cgroup has.
+  std::int64_t max_resident_bytes = 0;
 
   // What it keeps.
 
@@ -104,6 +109,16 @@ struct ServerConfig {
   std::int64_t max_mesh_bytes = std::int64_t{256} << 20;
 
   // How long things last.
+
+  /// What a job may run, whatever it asked for; 0 for no limit.
+  static constexpr DurationRange kMaxRunTime = {absl::ZeroDuration(),
+                                                absl::Hours(24 * 365)};
+  absl::Duration max_run_time = absl::Hours(1);
+  /// What a match may take to return once it was asked to stop; then its worker
+  /// is given up.
+  static constexpr DurationRange kUnresponsiveGrace = {absl::Milliseconds(10),
+                                                       absl::Hours(1)};
+  absl::Duration unresponsive_grace = absl::Seconds(10);
 
   /// What running jobs get to finish after SIGTERM.
   static constexpr DurationRange kDrainTimeout = {absl::ZeroDuration(),

@@ -41,7 +41,8 @@ Examples:
       Sends a first job.
 
 SIGTERM or SIGINT: no new jobs, running ones get --drain-timeout, exit 0.
-A second signal exits at once. Exit status: 2 wrong values, 1 other errors.)";
+A second signal exits at once. Exit status: 2 wrong values, 3 jobs that do not
+stop or take all memory (start it again), 1 other errors.)";
 
 /// What CLI11 tells the user about a name that is none; empty when it is.
 std::string CheckTenantName(const std::string& name) {
@@ -115,6 +116,11 @@ void AddResourceFlags(FlagSet& flags, ServerConfig& config) {
                  ServerConfig::kMemoryBudgetBytes,
                  "Memory running jobs may reserve together, e.g. 2GiB; 0 is "
                  "80 % of what machine or container has, also the most");
+  flags.AddBytes("--max-resident-bytes", config.max_resident_bytes,
+                 ServerConfig::kMemoryBudgetBytes,
+                 "Memory of the process beyond which jobs are stopped, and the "
+                 "process if that does not help; 0 is the budget and what may "
+                 "be beside it");
 }
 
 /// Where a service keeps its state: systemd's, or the user's by XDG's rules.
@@ -205,6 +211,13 @@ void AddTenantFlags(FlagSet& flags, ServerConfig& config) {
 
 void AddOperationFlags(FlagSet& flags, ServerConfig& config) {
   flags.BeginGroup("Operation");
+  flags.AddDuration("--max-run-time", config.max_run_time,
+                    ServerConfig::kMaxRunTime,
+                    "What a job may run, whatever it asks for; 0 for no limit");
+  flags.AddDuration("--unresponsive-grace", config.unresponsive_grace,
+                    ServerConfig::kUnresponsiveGrace,
+                    "What a job may take to stop once it was asked to; then "
+                    "its worker is given up");
   flags.AddDuration("--drain-timeout", config.drain_timeout,
                     ServerConfig::kDrainTimeout,
                     "What running jobs get after SIGTERM, e.g. 30s or 5m");

@@ -58,6 +58,8 @@ absl::StatusOr<Stores> OpenStores(const ServerConfig& config) {
   ISOMATCH_RETURN_IF_ERROR(MakeFolder(folder));
   ISOMATCH_ASSIGN_OR_RETURN(FolderLock lock, FolderLock::Take(folder));
   stores.lock.emplace(std::move(lock));
+  stores.traces =
+      std::make_unique<TraceFile>(absl::StrCat(folder, "/running.json"));
   ISOMATCH_RETURN_IF_ERROR(
       OpenJobs(absl::StrCat(folder, "/jobs.sqlite"), stores));
   ISOMATCH_ASSIGN_OR_RETURN(

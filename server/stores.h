@@ -10,6 +10,7 @@
 #include "server/storage/files.h"
 #include "server/storage/job_journal.h"
 #include "server/storage/job_store.h"
+#include "server/storage/process_trace.h"
 
 namespace isomatch {
 
@@ -22,13 +23,15 @@ struct Stores {
   std::unique_ptr<BlobStore> blobs;
   /// Null without a data directory, or when the configuration wants none.
   std::unique_ptr<BlobStore> prepared;
+  /// Null without a data directory.
+  std::unique_ptr<TraceStore> traces;
 };
 
-/// Opens the stores in config.data_dir, which is made if need be: jobs.sqlite
-/// and the folders blobs and prepared. In memory when the configuration is not
-/// durable. Errors name the directory: FAILED_PRECONDITION when another server
-/// uses it, or a newer version wrote it; UNAVAILABLE when it cannot be used;
-/// DATA_LOSS when it is damaged.
+/// Opens the stores in config.data_dir, which is made if need be: jobs.sqlite,
+/// running.json and the folders blobs and prepared. In memory when the
+/// configuration is not durable. Errors name the directory: FAILED_PRECONDITION
+/// when another server uses it, or a newer version wrote it; UNAVAILABLE when
+/// it cannot be used; DATA_LOSS when it is damaged.
 absl::StatusOr<Stores> OpenStores(const ServerConfig& config);
 
 }  // namespace isomatch

@@ -71,6 +71,14 @@ void SetTimes(const JobRecord& record, v1::Job& job) {
   }
 }
 
+void SetRun(const JobRecord& record, v1::Job::Run& run) {
+  if (record.run_timeout) {
+    *run.mutable_timeout() = DurationToProto(*record.run_timeout);
+  }
+  run.set_faults(static_cast<std::uint32_t>(record.faults));
+  run.set_unresponsive(record.unresponsive);
+}
+
 void SetProgress(const JobProgress& progress, v1::Progress& proto) {
   proto.set_stage(StageToProto(progress.stage));
   proto.set_stage_fraction(progress.stage_fraction);
@@ -192,7 +200,16 @@ v1::Job ToProto(const JobSnapshot& snapshot) {
   job.set_attempt(static_cast<std::uint32_t>(record.attempt));
   job.set_priority(record.priority);
   job.set_tenant(record.tenant);
+  SetRun(record, *job.mutable_run());
   return job;
+}
+
+google::protobuf::Duration DurationToProto(absl::Duration duration) {
+  google::protobuf::Duration proto;
+  proto.set_seconds(absl::IDivDuration(duration, absl::Seconds(1), &duration));
+  proto.set_nanos(
+      static_cast<std::int32_t>(absl::ToInt64Nanoseconds(duration)));
+  return proto;
 }
 
 absl::StatusOr<JobState> ParseJobState(int state, const std::string& field) {

@@ -10,6 +10,8 @@ namespace isomatch {
 /// Returns the job as clients see it.
 v1::Job ToProto(const JobSnapshot& snapshot);
 
+google::protobuf::Duration DurationToProto(absl::Duration duration);
+
 /// Returns the state; INVALID_ARGUMENT on `field` when it is not one.
 absl::StatusOr<JobState> ParseJobState(int state, const std::string& field);
 

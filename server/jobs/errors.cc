@@ -302,8 +302,21 @@ absl::Status QueueTimeout(absl::Duration limit) {
   return Timeout("QUEUE_TIMEOUT", "the job waited", limit);
 }
 
-absl::Status RunTimeout(absl::Duration limit) {
-  return Timeout("RUN_TIMEOUT", "the job ran", limit);
+absl::Status RunTimeout(absl::Duration limit, bool is_servers) {
+  const std::string text = absl::FormatDuration(limit);
+  const char* const whose =
+      is_servers ? "the server's --max-run-time" : "its run_timeout";
+  return Make(absl::StatusCode::kDeadlineExceeded, "RUN_TIMEOUT",
+              absl::StrCat("the job ran for more than ", text, ", ", whose),
+              {{"limit", text}, {"limit_of", is_servers ? "server" : "job"}});
+}
+
+absl::Status Unresponsive(int faults) {
+  return Make(absl::StatusCode::kInternal, "UNRESPONSIVE",
+              absl::StrCat("asked to stop, the job did not, or took the server "
+                           "down, ",
+                           faults, " times"),
+              {{"faults", absl::StrCat(faults)}});
 }
 
 absl::Status UploadIdle(absl::Duration limit, std::int64_t bytes_per_second) {
@@ -361,6 +374,11 @@ ErrorDetails DetailsOf(const absl::Status& status) {
     }
   });
   return details;
+}
+
+JobError JobErrorOf(const absl::Status& status) {
+  return {status.code(), DetailsOf(status).reason,
+          std::string(status.message())};
 }
 
 std::string LeadingFieldPath(absl::string_view message,

@@ -80,8 +80,10 @@ absl::Status Draining(absl::Duration retry_after);  // UNAVAILABLE
 absl::Status CrashedRepeatedly(int attempts);       // INTERNAL
 absl::Status ContentLost(const std::string& id,     // DATA_LOSS
                          const std::string& what);
+absl::Status Unresponsive(int faults);            // INTERNAL
 absl::Status QueueTimeout(absl::Duration limit);  // DEADLINE_...
-absl::Status RunTimeout(absl::Duration limit);    // DEADLINE_...
+absl::Status RunTimeout(absl::Duration limit,     // DEADLINE_...
+                        bool is_servers);
 absl::Status UploadIdle(absl::Duration limit,     // DEADLINE_...
                         std::int64_t bytes_per_second);
 absl::Status JobNotFound(const std::string& id);       // NOT_FOUND
@@ -104,6 +106,9 @@ struct ErrorDetails {
 
 /// Returns the details of any error. REQUIRES: !status.ok().
 ErrorDetails DetailsOf(const absl::Status& status);
+
+/// Returns what a failed job keeps of it.
+JobError JobErrorOf(const absl::Status& status);
 
 /// Returns the path at the head of a message such as "mesh_x.faces[3] is ...",
 /// or `otherwise` when the message does not begin with one.

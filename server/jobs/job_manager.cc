@@ -1,6 +1,7 @@
 #include "server/jobs/job_manager.h"
 
 #include <algorithm>
+#include <chrono>
 #include <limits>
 #include <utility>
 
@@ -17,6 +18,14 @@ constexpr absl::Duration kRetryDraining = absl::Seconds(10);
 
 /// How often jobs are looked through for those that are too old.
 constexpr absl::Duration kRetentionInterval = absl::Minutes(1);
+
+/// Starts of a job after which it runs alone: the server went down with it each
+/// time, and nothing told whose fault it was.
+constexpr int kAloneAfter = 3;
+
+absl::Duration SteadyTime() {
+  return absl::FromChrono(std::chrono::steady_clock::now().time_since_epoch());
+}
 
 bool CanMove(JobState from, JobState to) {
   if (from == JobState::kQueued) {
@@ -64,7 +73,9 @@ JobManager::JobManager(const Limits& limits, const Parts& parts)
              [this](const std::string& id) {
                (void)Stop(id, JobState::kCancelled);
              }),
-      queue_(limits.max_passes, limits.tenant.running_jobs) {}
+      queue_(limits.max_passes, limits.tenant.running_jobs),
+      threads_(limits.workers),
+      runs_(parts.uptime ? parts.uptime : SteadyTime) {}
 
 // Asking.
 
@@ -125,7 +136,9 @@ absl::StatusOr<JobPart> JobManager::GetPart(const Caller& caller,
 
 JobManager::Load JobManager::load() const {
   MutexLock lock(mutex_);
-  return {queue_.size(), running_, draining_};
+  // One that comes back while it is being given up is counted below zero.
+  const int stuck = std::max(stuck_, 0);
+  return {queue_.size(), running_ - stuck, stuck, draining_};
 }
 
 std::map<std::int32_t, int> JobManager::queued_by_priority() const {
@@ -220,7 +233,10 @@ JobRecord JobManager::NewRecord(const Caller& caller,
   record.shared_priority = std::min(spec.priority, caller.max_priority);
   record.cancel_when_unwatched = spec.cancel_when_unwatched;
   record.queue_timeout = spec.queue_timeout;
-  record.run_timeout = spec.run_timeout;
+  if (const auto limit = RunLimit(spec.run_timeout);
+      limit < absl::InfiniteDuration()) {
+    record.run_timeout = limit;
+  }
   record.threads = spec.options.threads;
   for (const JobInput& input : spec.inputs) {
     record.inputs.push_back(input.sha256);
@@ -304,7 +320,10 @@ void JobManager::Enqueue(const JobRecord& record) {
   live->tenant = record.tenant;
   live->priority = record.priority;
   live->shared_priority = record.shared_priority;
-  live->memory_estimate_bytes = record.memory_estimate_bytes;
+  // Alone: with all the memory there is.
+  live->memory_estimate_bytes = record.attempt < kAloneAfter
+                                    ? record.memory_estimate_bytes
+                                    : parts_.budget->total_bytes();
   if (const auto limit = record.queue_timeout) {
     const absl::Duration left = record.create_time + *limit - parts_.now();
     live->timer = parts_.timers->PostAfter(
@@ -344,10 +363,13 @@ void JobManager::Begin() {
   }
   // All pins before anything is stored or forgotten.
   for (const JobRecord& record : records) PinBlobs(record);
+  const std::set<std::string> to_blame = ToBlame(records);
   for (const JobRecord& record : records) {
-    if (!IsTerminal(record.state)) TakeUp(record);
+    if (IsTerminal(record.state)) continue;
+    TakeUp(record, to_blame.count(record.id) != 0);
   }
   ForgetOld();
+  if (parts_.watch != nullptr) Watch();
   {
     MutexLock lock(mutex_);
     is_beginning_ = false;
@@ -367,9 +389,13 @@ void JobManager::PinBlobs(const JobRecord& record) {
   }
 }
 
-void JobManager::TakeUp(const JobRecord& record) {
+void JobManager::TakeUp(const JobRecord& record, bool is_to_blame) {
   const std::int64_t budget_bytes = parts_.budget->total_bytes();
   const bool ran = record.state == JobState::kRunning;
+  const std::int32_t faults = record.faults + (is_to_blame ? 1 : 0);
+  if (faults >= limits_.max_faults) {
+    return Fail(record, CrashedRepeatedly(faults));
+  }
   if (ran && record.attempt >= limits_.max_attempts) {
     return Fail(record, CrashedRepeatedly(record.attempt));
   }
@@ -379,7 +405,10 @@ void JobManager::TakeUp(const JobRecord& record) {
   }
   if (record.cancel_when_unwatched) guard_.Guard(record.id);
   if (!ran) return Enqueue(record);
-  const auto queued = Move(record.id, JobState::kQueued);
+  const auto queued = Move(record.id, JobState::kQueued, [&](JobRecord& again) {
+    again.faults = faults;
+    return absl::OkStatus();
+  });
   if (queued.ok()) Enqueue(*queued);
 }
 

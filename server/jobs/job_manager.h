@@ -22,10 +22,12 @@
 #include "server/jobs/job_runner.h"
 #include "server/jobs/job_spec.h"
 #include "server/jobs/memory_budget.h"
+#include "server/jobs/running_jobs.h"
 #include "server/jobs/tenant_limits.h"
 #include "server/jobs/watchers.h"
 #include "server/storage/blob_store.h"
 #include "server/storage/job_store.h"
+#include "server/storage/process_trace.h"
 
 namespace isomatch {
 
@@ -65,6 +67,22 @@ struct JobPart {
 /// With durable stores, jobs go back to QUEUED when the server stops, or starts
 /// again after a crash, and run then; without, they become CANCELLED.
 ///
+/// A worker that does not come back costs its job only. `unresponsive_grace`
+/// after a job was asked to stop (Cancel, a limit, Shutdown, memory):
+///   1. its record says `unresponsive`, and it has a fault more; if it is not
+///      terminal it goes back to the queue of the next process, or is FAILED
+///      (UNRESPONSIVE) after `max_faults` of them, or when there is no next;
+///   2. another thread takes the worker's place. What the job has reserved
+///      stays with it: others start while there is memory for them;
+///   3. when as many are stuck as there are workers, `on_give_up` is called
+///      (with durable stores: without, a new process would know no job).
+///
+/// The watch, several times a second, does that, and looks at the memory of the
+/// process. Beyond its limit jobs are asked to stop, one by one, the most
+/// silent first, and go back to the queue, with a fault if memory fell with
+/// their end; after `max_faults` they are FAILED (OUT_OF_MEMORY). One that does
+/// not answer for two seconds is stuck at once, and on_give_up called.
+///
 /// Thread-safe. The mutex is never held while the store, a watcher, the match
 /// or an executor is called.
 class JobManager {
@@ -81,14 +99,30 @@ class JobManager {
     std::int64_t max_result_bytes = std::int64_t{256} << 20;
     /// See JobQueue.
     int max_passes = 8;
-    /// How often a job is started that takes the server down.
-    int max_attempts = 3;
+    /// How often a job takes the server down, or does not stop when asked to.
+    int max_faults = 3;
+    /// How often a job is started that the server goes down with, whosever
+    /// fault it is. From the fourth time on it runs alone, so that it is known.
+    int max_attempts = 10;
+    /// What a job may run, whatever it asked for.
+    absl::Duration max_run_time = absl::InfiniteDuration();
+    /// What a match may take to return once it was asked to stop.
+    absl::Duration unresponsive_grace = absl::Seconds(10);
     /// The stores outlive the process.
     bool durable = false;
     /// See DisconnectGuard.
     absl::Duration unwatched_grace = DisconnectGuard::kGrace;
     /// Of those limits of all.
     TenantLimits tenant = {};
+  };
+
+  /// Memory of the process.
+  struct MemoryFigures {
+    std::int64_t resident_bytes = 0;
+    /// What it should have at most, with all that is reserved now.
+    std::int64_t expected_bytes = 0;
+    /// Beyond it jobs are stopped.
+    std::int64_t limit_bytes = 0;
   };
 
   /// What the manager works with; all outlive it except the executors, which
@@ -109,20 +143,36 @@ class JobManager {
     std::function<absl::StatusOr<JobSpec>(const JobRecord&)> load_spec;
     /// Told of every change of state, for the log. May be empty.
     std::function<void(const JobRecord&)> on_state;
+
+    // The watch; there is none when `watch` is null.
+
+    Executor* watch = nullptr;
+    std::function<MemoryFigures()> read_memory = {};
+    /// Null without durable stores.
+    TraceStore* traces = nullptr;
+    /// Never goes back.
+    std::function<absl::Duration()> uptime = {};
+    /// Told of each worker that does not come back, and why the process should
+    /// end and start again. May be empty.
+    std::function<void(const JobRecord&)> on_stuck = {};
+    std::function<void(const std::string& reason)> on_give_up = {};
   };
 
   struct Load {
     int queued_jobs;
+    /// Without the stuck ones.
     int running_jobs;
+    int stuck_jobs;
     bool draining;
   };
 
   JobManager(const Limits& limits, const Parts& parts);
 
   /// Takes up the jobs that the store has from an earlier process: those that
-  /// were queued or running are queued, in their order; one that was started
-  /// `max_attempts` times becomes FAILED (CRASHED_REPEATEDLY). From now on
-  /// forgets old jobs by itself. Call once, before Create.
+  /// were queued or running are queued, in their order. Of those that ran, the
+  /// ones of JobsToBlame (blame.h) have a fault more; one with `max_faults`, or
+  /// `max_attempts` starts, becomes FAILED (CRASHED_REPEATEDLY). From now on
+  /// forgets old jobs by itself, and watches. Call once, before Create.
   void Begin();
 
   // The job of another tenant is NOT_FOUND, but for an administrator.
@@ -182,7 +232,7 @@ class JobManager {
   void BeginDrain();
 
   /// BeginDrain; waits up to `drain` for running jobs, then stops them and
-  /// waits until no worker has one.
+  /// waits until no worker has one that answers.
   void Shutdown(absl::Duration drain);
 
   /// Whether Shutdown is over: no job changes any more.
@@ -209,7 +259,8 @@ class JobManager {
 
   // One that was there before.
   void PinBlobs(const JobRecord& record);
-  void TakeUp(const JobRecord& record);
+  void TakeUp(const JobRecord& record, bool is_to_blame);
+  std::set<std::string> ToBlame(const std::vector<JobRecord>& records);
   void ForgetOld();
 
   // Running it.
@@ -221,7 +272,14 @@ class JobManager {
                                      const JobRecord& record);
   void ReportProgress(const std::string& id, const JobProgress& progress);
   void FailToStart(const std::string& id, const absl::Status& error);
-  void Finish(const JobRecord& record, absl::StatusOr<RunOutcome> outcome);
+  /// True when the job went back to the queue: it was asked to stop.
+  bool Finish(const LiveJob& live, const JobRecord& record,
+              absl::StatusOr<RunOutcome> outcome);
+  bool PutBack(const std::string& id);
+  bool HasFreedMemory(const std::string& id) const;
+  void EnqueueAgain(const std::string& id);
+  absl::Duration RunLimit(std::optional<absl::Duration> asked) const;
+  void LimitRun(LiveJob& live, const JobRecord& started);
   absl::Status Succeed(const JobRecord& record, RunOutcome outcome);
   absl::Status StoreParts(const std::string& tenant,
                           std::vector<EncodedPart> parts, JobResult& result);
@@ -234,9 +292,21 @@ class JobManager {
   void FailIfStill(JobState state, const std::string& id,
                    const absl::Status& error);
   void StopRunning(const std::string& id);
+  void AskToStop(const std::string& id,
+                 RunningJobs::ResidentBytes resident = {});
   std::shared_ptr<LiveJob> Unqueue(const std::string& id);
   bool WaitUntilIdle(absl::Duration timeout);
   std::vector<std::string> LiveIds() const;
+
+  // The watch; job_manager_watch.cc.
+  void Watch();
+  void WatchMemory();
+  void OnNoAnswer(const std::string& id);
+  absl::StatusOr<JobRecord> RecordNoAnswer(const std::string& id);
+  void ReplaceWorker();
+  void WriteTrace();
+  void GiveUp(const std::string& reason);
+  MemoryFigures ReadMemory() const;
 
   /// Returns the job if the caller may know of it.
   absl::StatusOr<JobRecord> Find(const Caller& caller,
@@ -279,13 +349,23 @@ class JobManager {
   /// Those that are queued or have a worker.
   std::unordered_map<std::string, std::shared_ptr<LiveJob>> live_
       ABSL_GUARDED_BY(mutex_);
+  /// With the stuck ones.
   int running_ ABSL_GUARDED_BY(mutex_) = 0;
+  int stuck_ ABSL_GUARDED_BY(mutex_) = 0;
+  /// Of the executor of workers.
+  int threads_ ABSL_GUARDED_BY(mutex_);
   bool draining_ ABSL_GUARDED_BY(mutex_) = false;
   /// Until all jobs of an earlier process are queued, so that the order holds.
   bool is_beginning_ ABSL_GUARDED_BY(mutex_) = false;
   /// Of the next ForgetOld.
   Executor::Timer retention_timer_ ABSL_GUARDED_BY(mutex_);
+  /// Of the next Watch.
+  Executor::Timer watch_timer_ ABSL_GUARDED_BY(mutex_);
+  bool has_given_up_ ABSL_GUARDED_BY(mutex_) = false;
   std::atomic<bool> stopped_ = false;
+  /// Only the watch uses it.
+  bool is_trace_empty_ = true;
+  RunningJobs runs_;
 };
 
 }  // namespace isomatch

@@ -13,12 +13,8 @@
 namespace isomatch {
 namespace {
 
-constexpr absl::Duration kStopAgain = absl::Milliseconds(20);
-
-JobError ErrorOf(const absl::Status& status) {
-  return {status.code(), DetailsOf(status).reason,
-          std::string(status.message())};
-}
+/// What a worker gets that is marked as stuck at the same moment.
+constexpr absl::Duration kLastAnswers = absl::Seconds(1);
 
 }  // namespace
 
@@ -35,21 +31,28 @@ void JobManager::Dispatch() {
 std::shared_ptr<LiveJob> JobManager::TakeNext() {
   MutexLock lock(mutex_);
   const bool may_start = !draining_ && !is_beginning_;
-  if (!may_start || running_ >= limits_.workers) return nullptr;
+  if (!may_start || running_ - stuck_ >= limits_.workers) return nullptr;
   std::shared_ptr<LiveJob> live = queue_.PopFitting(*parts_.budget);
   if (live != nullptr) ++running_;
   return live;
 }
 
 void JobManager::Run(const std::shared_ptr<LiveJob>& live) {
+  runs_.Begin(live->id);
+  if (live->stop.stop_requested()) runs_.OnAskedToStop(live->id);
+  bool is_back = false;
   const auto record = WithinMemory([&] { return Start(*live); });
   if (record.ok()) {
-    Finish(*record, WithinMemory([&] { return Execute(*live, *record); }));
+    is_back = Finish(*live, *record,
+                     WithinMemory([&] { return Execute(*live, *record); }));
   } else if (absl::IsResourceExhausted(record.status())) {
     FailToStart(live->id, record.status());
   }
   ReleaseSlot(live);
-  WhenThereIsMemory([&] { Dispatch(); });
+  WhenThereIsMemory([&] {
+    if (is_back) EnqueueAgain(live->id);
+    Dispatch();
+  });
 }
 
 absl::StatusOr<JobRecord> JobManager::Start(LiveJob& live) {
@@ -59,14 +62,30 @@ absl::StatusOr<JobRecord> JobManager::Start(LiveJob& live) {
       Move(live.id, JobState::kRunning, [&](JobRecord& record) {
         record.start_time = parts_.now();
         ++record.attempt;
+        if (const auto limit = RunLimit(record.run_timeout);
+            limit < absl::InfiniteDuration()) {
+          record.run_timeout = limit;
+        }
         return absl::OkStatus();
       }));
-  if (const auto limit = started.run_timeout) {
-    live.timer = parts_.timers->PostAfter(*limit, [this, id = live.id, limit] {
-      FailIfStill(JobState::kRunning, id, RunTimeout(*limit));
-    });
-  }
+  runs_.SetAttempt(live.id, started.attempt);
+  LimitRun(live, started);
   return started;
+}
+
+absl::Duration JobManager::RunLimit(std::optional<absl::Duration> asked) const {
+  return std::min(asked.value_or(absl::InfiniteDuration()),
+                  limits_.max_run_time);
+}
+
+void JobManager::LimitRun(LiveJob& live, const JobRecord& started) {
+  const absl::Duration limit = RunLimit(started.run_timeout);
+  if (limit == absl::InfiniteDuration()) return;
+  const bool is_servers = limit == limits_.max_run_time;
+  live.timer =
+      parts_.timers->PostAfter(limit, [this, id = live.id, limit, is_servers] {
+        FailIfStill(JobState::kRunning, id, RunTimeout(limit, is_servers));
+      });
 }
 
 absl::StatusOr<RunOutcome> JobManager::Execute(const LiveJob& live,
@@ -79,6 +98,7 @@ absl::StatusOr<RunOutcome> JobManager::Execute(const LiveJob& live,
 
 void JobManager::ReportProgress(const std::string& id,
                                 const JobProgress& progress) {
+  runs_.OnProgress(id);
   (void)Change(id, [&](JobRecord& record) {
     if (record.state != JobState::kRunning) {
       return JobIsTerminal(id, record.state);
@@ -95,14 +115,54 @@ void JobManager::FailToStart(const std::string& id, const absl::Status& error) {
   });
 }
 
-void JobManager::Finish(const JobRecord& record,
+bool JobManager::Finish(const LiveJob& live, const JobRecord& record,
                         absl::StatusOr<RunOutcome> outcome) {
   absl::Status status = outcome.status();
   if (status.ok()) {
     status = WithinMemory([&] { return Succeed(record, *std::move(outcome)); });
   }
-  // Refused when it went back to the queue, was cancelled or timed out before.
-  if (!status.ok()) WhenThereIsMemory([&] { Fail(record, status); });
+  // Both are refused when it was cancelled, timed out or given up before.
+  bool is_back = false;
+  if (!status.ok()) {
+    WhenThereIsMemory([&] {
+      if (live.stop.stop_requested()) {
+        is_back = PutBack(record.id);
+      } else {
+        Fail(record, status);
+      }
+    });
+  }
+  return is_back;
+}
+
+bool JobManager::PutBack(const std::string& id) {
+  const std::optional<JobRecord> record = parts_.jobs->Get(id);
+  if (!record || record->state != JobState::kRunning) return false;
+  const bool is_fault = HasFreedMemory(id);
+  if (is_fault && record->faults + 1 >= limits_.max_faults) {
+    Fail(*record, OutOfMemory("the server's memory grew beyond its limit each "
+                              "time the job ran, and fell with its end"));
+    return false;
+  }
+  return Move(id, JobState::kQueued,
+              [&](JobRecord& now) {
+                if (is_fault) {
+                  ++now.faults;
+                } else {
+                  --now.attempt;  // it had no chance
+                }
+                return absl::OkStatus();
+              })
+      .ok();
+}
+
+void JobManager::EnqueueAgain(const std::string& id) {
+  {
+    MutexLock lock(mutex_);
+    if (live_.count(id) != 0) return;  // memory ended behind this the last time
+  }
+  const std::optional<JobRecord> record = parts_.jobs->Get(id);
+  if (record && record->state == JobState::kQueued) Enqueue(*record);
 }
 
 absl::Status JobManager::Succeed(const JobRecord& record, RunOutcome outcome) {
@@ -156,14 +216,16 @@ void JobManager::Fail(const JobRecord& record, const absl::Status& error) {
                if (now.state != record.state) {
                  return absl::FailedPreconditionError("too late");
                }
-               if (!is_cancelled) now.error = ErrorOf(error);
+               if (!is_cancelled) now.error = JobErrorOf(error);
                return absl::OkStatus();
              });
 }
 
 void JobManager::ReleaseSlot(const std::shared_ptr<LiveJob>& live) {
   live->Release();  // before the slot, so that the next job finds the memory
+  const bool was_stuck = runs_.End(live->id);
   MutexLock lock(mutex_);
+  if (was_stuck) --stuck_;  // it has come back after all
   live_.erase(live->id);
   queue_.OnEnded(live->tenant);
   --running_;
@@ -203,6 +265,7 @@ absl::Status JobManager::Stop(const std::string& id, JobState to,
     live = found->second;
   }
   live->stop.request_stop();
+  runs_.OnAskedToStop(id);
   if (Unqueue(id)) Dispatch();  // it may have stood in the way of others
   return absl::OkStatus();
 }
@@ -223,7 +286,7 @@ void JobManager::FailIfStill(JobState state, const std::string& id,
                              const absl::Status& error) {
   (void)Stop(id, JobState::kFailed, [&](JobRecord& record) {
     if (record.state != state) return absl::FailedPreconditionError("too late");
-    record.error = ErrorOf(error);
+    record.error = JobErrorOf(error);
     return absl::OkStatus();
   });
 }
@@ -233,10 +296,20 @@ void JobManager::StopRunning(const std::string& id) {
     (void)Stop(id, JobState::kCancelled);
     return;
   }
-  (void)Stop(id, JobState::kQueued, [](JobRecord& record) {
-    --record.attempt;  // it was not the job's fault
-    return absl::OkStatus();
-  });
+  AskToStop(id);  // it goes back to the queue when it answers
+}
+
+void JobManager::AskToStop(const std::string& id,
+                           RunningJobs::ResidentBytes resident) {
+  std::shared_ptr<LiveJob> live;
+  {
+    MutexLock lock(mutex_);
+    const auto found = live_.find(id);
+    if (found == live_.end()) return;
+    live = found->second;
+  }
+  live->stop.request_stop();
+  runs_.OnAskedToStop(id, resident);
 }
 
 void JobManager::BeginDrain() {
@@ -261,15 +334,22 @@ void JobManager::BeginDrain() {
 
 void JobManager::Shutdown(absl::Duration drain) {
   BeginDrain();
-  // Again and again: one that has its worker but does not run yet cannot be
-  // stopped.
-  while (!WaitUntilIdle(drain)) {
+  if (!WaitUntilIdle(drain)) {
+    // One that has its worker but does not run yet hears of it when it does.
     for (const std::string& id : LiveIds()) StopRunning(id);
-    drain = kStopAgain;
+    if (!WaitUntilIdle(limits_.unresponsive_grace)) {
+      for (const std::string& id : runs_.Ids()) OnNoAnswer(id);
+      WaitUntilIdle(kLastAnswers);
+    }
   }
   guard_.ReleaseAll();
   parts_.jobs->Flush();
   stopped_ = true;
+  Executor::Timer watch;  // dropped after the lock
+  {
+    MutexLock lock(mutex_);
+    watch = std::move(watch_timer_);
+  }
   watchers_.NotifyAll();
 }
 
@@ -278,8 +358,8 @@ bool JobManager::WaitUntilIdle(absl::Duration timeout) {
       std::chrono::steady_clock::now() +
       absl::ToChronoMilliseconds(std::min(timeout, absl::Hours(24 * 365)));
   MutexLock lock(mutex_);
-  while (running_ > 0) {
-    if (!idle_.WaitUntil(mutex_, deadline)) return running_ == 0;
+  while (running_ - stuck_ > 0) {
+    if (!idle_.WaitUntil(mutex_, deadline)) return running_ - stuck_ <= 0;
   }
   return true;
 }

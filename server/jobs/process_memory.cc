@@ -1,5 +1,8 @@
 #include "server/jobs/process_memory.h"
 
+#include <malloc.h>
+#include <unistd.h>
+
 #include <fstream>
 #include <limits>
 #include <string>
@@ -21,5 +24,15 @@ std::int64_t PeakResidentBytes() {
   }
   return 0;
 }
+
+std::int64_t ResidentBytes() {
+  std::ifstream statm("/proc/self/statm");
+  std::int64_t pages = 0;
+  std::int64_t resident_pages = 0;
+  if (!(statm >> pages >> resident_pages)) return 0;
+  return resident_pages * sysconf(_SC_PAGESIZE);
+}
+
+void ReleaseFreedMemory() { malloc_trim(0); }
 
 }  // namespace isomatch

@@ -12,4 +12,10 @@ void ResetPeakResidentBytes();
 /// when the system does not tell.
 std::int64_t PeakResidentBytes();
 
+/// Returns the resident memory of this process now, or 0.
+std::int64_t ResidentBytes();
+
+/// Gives memory that was freed back to the system, where it can.
+void ReleaseFreedMemory();
+
 }  // namespace isomatch

@@ -3,12 +3,17 @@
 #include <cassert>
 #include <chrono>
 #include <new>
+#include <system_error>
 #include <thread>
 #include <utility>
+#include <vector>
 
+#include <boost/asio/executor_work_guard.hpp>
+#include <boost/asio/io_context.hpp>
 #include <boost/asio/post.hpp>
 #include <boost/asio/steady_timer.hpp>
-#include <boost/asio/thread_pool.hpp>
+
+#include "core/base/mutex.h"
 
 namespace isomatch {
 namespace {
@@ -49,18 +54,44 @@ void WaitAgain(const std::weak_ptr<steady_timer>& weak, const Task& task) {
 }  // namespace
 
 struct ThreadPool::Impl {
-  explicit Impl(int threads) : pool(static_cast<size_t>(threads)) {}
-  boost::asio::thread_pool pool;
+  using Work =
+      boost::asio::executor_work_guard<boost::asio::io_context::executor_type>;
+
+  void Start() {
+    MutexLock lock(mutex);
+    threads.emplace_back([this] { context.run(); });
+  }
+
+  boost::asio::io_context context;
+  Work work{context.get_executor()};
+  Mutex mutex;
+  std::vector<std::thread> threads ABSL_GUARDED_BY(mutex);
 };
 
-ThreadPool::ThreadPool(int threads) : impl_(std::make_unique<Impl>(threads)) {
+ThreadPool::ThreadPool(int threads) : impl_(std::make_unique<Impl>()) {
   assert(threads > 0);
+  for (int i = 0; i < threads; ++i) impl_->Start();
 }
 
-ThreadPool::~ThreadPool() { impl_->pool.join(); }
+ThreadPool::~ThreadPool() {
+  impl_->work.reset();
+  std::vector<std::thread> threads;
+  {
+    MutexLock lock(impl_->mutex);
+    threads.swap(impl_->threads);
+  }
+  for (std::thread& thread : threads) thread.join();
+}
+
+void ThreadPool::AddThread() {
+  try {
+    impl_->Start();
+  } catch (const std::system_error&) {  // as many as the system allows
+  }
+}
 
 void ThreadPool::Post(std::function<void()> task) {
-  boost::asio::post(impl_->pool, [task = std::move(task)] {
+  boost::asio::post(impl_->context, [task = std::move(task)] {
     try {
       task();
     } catch (const std::bad_alloc&) {  // this task is lost; the others are not
@@ -70,7 +101,7 @@ void ThreadPool::Post(std::function<void()> task) {
 
 Executor::Timer ThreadPool::PostAfter(absl::Duration delay,
                                       std::function<void()> task) {
-  auto timer = std::make_shared<steady_timer>(impl_->pool,
+  auto timer = std::make_shared<steady_timer>(impl_->context,
                                               absl::ToChronoNanoseconds(delay));
   Wait(timer, std::make_shared<const std::function<void()>>(std::move(task)));
   return timer;

@@ -6,7 +6,8 @@
 
 namespace isomatch {
 
-/// An Executor on boost::asio::thread_pool. (Not a oneTBB arena: its worker
+/// An Executor on a boost::asio::io_context. (Not boost::asio::thread_pool: one
+/// of a single thread cannot have a second. Not a oneTBB arena: its worker
 /// threads are shared by the whole process and bounded by its cores, so that a
 /// long job would keep other arenas' tasks waiting. Match brings its own arena;
 /// the pool's thread is that arena's first.)
@@ -19,6 +20,7 @@ class ThreadPool : public Executor {
   ~ThreadPool() override;
 
   void Post(std::function<void()> task) override;
+  void AddThread() override;
   [[nodiscard]] Timer PostAfter(absl::Duration delay,
                                 std::function<void()> task) override;
 

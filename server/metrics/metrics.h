@@ -50,6 +50,7 @@ struct LoadFigures {
   int queued_normal = 0;
   int queued_high = 0;
   int running_jobs = 0;
+  int stuck_workers = 0;
   int watchers = 0;
   std::int64_t memory_budget_bytes = 0;
   std::int64_t memory_reserved_bytes = 0;

@@ -105,6 +105,9 @@ class LoadCollector final : public prometheus::Collectable {
     return {
         QueuedJobs(load),
         MakeGauge("jobs_running", "Jobs that have a worker", load.running_jobs),
+        MakeGauge("workers_stuck",
+                  "Workers whose jobs were asked to stop and do not",
+                  load.stuck_workers),
         MakeGauge("watchers", "WatchJob streams that are open", load.watchers),
         MakeGauge("memory_budget_bytes",
                   "What running jobs may reserve together",

@@ -175,6 +175,9 @@ void SetInformation(const ServiceContext& context, const Caller& caller,
   response.set_durable(context.durable);
   response.mutable_job_retention()->set_seconds(
       absl::ToInt64Seconds(context.job_retention));
+  if (context.max_run_time > absl::ZeroDuration()) {
+    *response.mutable_max_run_time() = DurationToProto(context.max_run_time);
+  }
   response.set_tenant(caller.tenant);
 }
 

@@ -40,6 +40,8 @@ struct ServiceContext {
   int workers = 1;
   bool durable = false;
   absl::Duration job_retention = absl::InfiniteDuration();
+  /// Zero for no limit.
+  absl::Duration max_run_time = absl::ZeroDuration();
   absl::Duration watch_heartbeat = absl::Seconds(10);
   absl::Duration upload_idle_timeout = absl::Seconds(30);
 };

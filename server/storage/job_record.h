@@ -181,8 +181,13 @@ struct JobRecord {
   std::int32_t shared_priority = 0;
   /// Threads that memory_estimate_bytes counts with; 0 as of a run.
   std::int32_t threads = 0;
-  /// How often it was started.
+  /// How often it was started, but for starts that ended because the server
+  /// stopped.
   std::int32_t attempt = 0;
+  /// How often it took the server down or did not stop when asked to.
+  std::int32_t faults = 0;
+  /// Asked to stop it did not: its worker was given up.
+  bool unresponsive = false;
   /// Not set means no limit. The first counts from create_time.
   std::optional<absl::Duration> queue_timeout;
   std::optional<absl::Duration> run_timeout;

@@ -21,7 +21,8 @@ absl::Status NotFound(const std::string& id) {
 /// Whether more has changed than what a run tells of itself.
 bool IsKept(const JobRecord& before, const JobRecord& after) {
   return after.state != before.state || after.attempt != before.attempt ||
-         IsTerminal(after.state);
+         after.faults != before.faults ||
+         after.unresponsive != before.unresponsive || IsTerminal(after.state);
 }
 
 bool HasLabels(const JobRecord& record,

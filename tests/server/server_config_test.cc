@@ -61,6 +61,12 @@ TEST(ServerConfigTest, EveryRangeIsChecked) {
        [](auto& c) { c.max_priority = 101; }},
       {"--job-retention = 1s, expected 1m to 87648h",
        [](auto& c) { c.job_retention = absl::Seconds(1); }},
+      {"--max-run-time = 8761h, expected 0 to 8760h",
+       [](auto& c) { c.max_run_time = absl::Hours(8761); }},
+      {"--unresponsive-grace = 0, expected 10ms to 1h",
+       [](auto& c) { c.unresponsive_grace = absl::ZeroDuration(); }},
+      {"--max-resident-bytes = -1, expected 0 to 1024TiB",
+       [](auto& c) { c.max_resident_bytes = -1; }},
       {"--drain-timeout = 25h, expected 0 to 24h",
        [](auto& c) { c.drain_timeout = absl::Hours(25); }},
       {"--watch-heartbeat = 1ms, expected 10ms to 1h",
@@ -185,6 +191,13 @@ TEST(ServerFlagsTest, AreReadWithTheirUnits) {
 
 TEST(ServerFlagsTest, ANumberWithoutUnitIsSeconds) {
   ServerConfig config;
+  EXPECT_EQ(Parse({"--max-run-time", "0", "--unresponsive-grace", "3s",
+                   "--max-resident-bytes", "1GiB"},
+                  config),
+            std::nullopt);
+  EXPECT_EQ(config.max_run_time, absl::ZeroDuration());
+  EXPECT_EQ(config.unresponsive_grace, absl::Seconds(3));
+  EXPECT_EQ(config.max_resident_bytes, std::int64_t{1} << 30);
   EXPECT_EQ(Parse({"--drain-timeout", "7"}, config), std::nullopt);
   EXPECT_EQ(config.drain_timeout, absl::Seconds(7));
 }

@@ -19,6 +19,17 @@ TEST(ThreadPoolTest, RunsAsManyTasksAtATimeAsItHasThreads) {
   together.wait();
 }
 
+TEST(ThreadPoolTest, AnAddedThreadTakesThePlaceOfOneThatDoesNotComeBack) {
+  ThreadPool pool(1);
+  std::latch stuck(1);
+  std::latch ran(1);
+  pool.Post([&] { stuck.wait(); });
+  pool.Post([&] { ran.count_down(); });
+  pool.AddThread();
+  ran.wait();
+  stuck.count_down();
+}
+
 TEST(ThreadPoolTest, FinishesPostedTasksBeforeItGoes) {
   std::atomic<int> runs = 0;
   {

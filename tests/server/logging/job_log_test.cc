@@ -24,6 +24,15 @@ nlohmann::json Logged(const JobRecord& job) {
   return log.lines().at(0);
 }
 
+TEST(JobLogTest, AWorkerThatDoesNotComeBackIsAnError) {
+  const CapturedLog log(LogFormat::kJson);
+  LogStuck(Job(JobState::kCancelled));
+  const nlohmann::json line = log.lines().at(0);
+  EXPECT_EQ(line["level"], "error");
+  EXPECT_EQ(line["job"], "abc");
+  EXPECT_THAT(std::string(line["message"]), HasSubstr("asked to stop"));
+}
+
 TEST(JobLogTest, EveryStateIsALine) {
   const nlohmann::json line = Logged(Job(JobState::kQueued));
   EXPECT_EQ(line["message"], "job abc QUEUED after 3.0 s");

@@ -1,0 +1,159 @@
+// The part of JobManager that watches over jobs that run, and finds out which
+// of them took the process down.
+
+#include <algorithm>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "server/jobs/blame.h"
+#include "server/jobs/errors.h"
+#include "server/jobs/job_manager.h"
+#include "server/jobs/process_memory.h"
+
+namespace isomatch {
+namespace {
+
+constexpr absl::Duration kWatchInterval = absl::Milliseconds(200);
+
+/// Where memory grows without end there is no time for more.
+constexpr absl::Duration kMemoryGrace = absl::Seconds(2);
+
+/// A job that told of its progress within this time is not the one that grows,
+/// unless it is the only one.
+constexpr absl::Duration kSilence = absl::Seconds(1);
+
+}  // namespace
+
+std::set<std::string> JobManager::ToBlame(
+    const std::vector<JobRecord>& records) {
+  if (parts_.traces == nullptr) return {};
+  std::vector<JobRecord> ran;
+  for (const JobRecord& record : records) {
+    if (record.state == JobState::kRunning) ran.push_back(record);
+  }
+  std::set<std::string> to_blame = JobsToBlame(parts_.traces->Read(), ran);
+  parts_.traces->Write({});  // it says nothing about what comes now
+  return to_blame;
+}
+
+void JobManager::Watch() {
+  for (const auto& id : runs_.Unanswered(limits_.unresponsive_grace)) {
+    OnNoAnswer(id);
+  }
+  WatchMemory();
+  WriteTrace();
+  Executor::Timer next =
+      parts_.watch->PostAfter(kWatchInterval, [this] { Watch(); });
+  MutexLock lock(mutex_);
+  if (!stopped_) watch_timer_ = std::move(next);
+}
+
+JobManager::MemoryFigures JobManager::ReadMemory() const {
+  return parts_.read_memory ? parts_.read_memory() : MemoryFigures();
+}
+
+void JobManager::WriteTrace() {
+  if (parts_.traces == nullptr) return;
+  std::vector<JobTrace> jobs = runs_.Traces();
+  if (jobs.empty() && is_trace_empty_) return;
+  is_trace_empty_ = jobs.empty();
+  const MemoryFigures memory = ReadMemory();
+  parts_.traces->Write(
+      {memory.resident_bytes, memory.expected_bytes, std::move(jobs)});
+}
+
+void JobManager::WatchMemory() {
+  const MemoryFigures memory = ReadMemory();
+  if (memory.resident_bytes <= memory.limit_bytes) return;
+  const std::vector<JobTrace> traces = runs_.Traces();
+  if (traces.empty()) return;  // no job's doing
+  const JobTrace& asked = *std::max_element(
+      traces.begin(), traces.end(), [](const auto& a, const auto& b) {
+        return a.unanswered < b.unanswered;  // those that were not are least
+      });
+  if (asked.unanswered) {
+    if (*asked.unanswered < kMemoryGrace) return;  // it may answer yet
+    OnNoAnswer(asked.id);
+    return GiveUp(absl::StrCat("the process has ", memory.resident_bytes >> 20,
+                               " MiB, its limit is ", memory.limit_bytes >> 20,
+                               " MiB, and job ", asked.id, " does not stop"));
+  }
+  const JobTrace& silent = *std::max_element(
+      traces.begin(), traces.end(),
+      [](const auto& a, const auto& b) { return a.silent < b.silent; });
+  if (traces.size() > 1 && silent.silent < kSilence) return;
+  AskToStop(silent.id, memory.resident_bytes);
+}
+
+bool JobManager::HasFreedMemory(const std::string& id) const {
+  const auto before = runs_.ResidentWhenAsked(id);
+  if (!before) return false;
+  ReleaseFreedMemory();
+  return ReadMemory().resident_bytes < *before - *before / 10;
+}
+
+void JobManager::OnNoAnswer(const std::string& id) {
+  if (!runs_.SetStuck(id)) return;
+  const auto record = RecordNoAnswer(id);
+  if (record.ok() && parts_.on_stuck) parts_.on_stuck(*record);
+  ReplaceWorker();
+}
+
+absl::StatusOr<JobRecord> JobManager::RecordNoAnswer(const std::string& id) {
+  const bool is_last = load().draining;
+  const bool has_next =
+      limits_.durable && (is_last || parts_.on_give_up != nullptr);
+  const std::optional<JobRecord> record = parts_.jobs->Get(id);
+  if (!record) return JobNotFound(id);
+  const int faults = record->faults + 1;
+  const auto mark = [&](JobRecord& now) {
+    now.unresponsive = true;
+    now.faults = faults;
+  };
+  if (record->state == JobState::kRunning) {
+    const bool runs_again = has_next && faults < limits_.max_faults;
+    auto moved = Move(id, runs_again ? JobState::kQueued : JobState::kFailed,
+                      [&](JobRecord& now) {
+                        mark(now);
+                        if (!runs_again)
+                          now.error = JobErrorOf(Unresponsive(faults));
+                        return absl::OkStatus();
+                      });
+    if (moved.ok()) return moved;  // else it was ended meanwhile
+  }
+  return Change(id, [&](JobRecord& now) {
+    mark(now);
+    return absl::OkStatus();
+  });
+}
+
+void JobManager::ReplaceWorker() {
+  bool needs_thread = false;
+  bool are_all_stuck = false;
+  {
+    MutexLock lock(mutex_);
+    ++stuck_;
+    idle_.NotifyAll();
+    if (draining_) return;
+    are_all_stuck = limits_.durable && parts_.on_give_up != nullptr &&
+                    stuck_ >= limits_.workers;
+    needs_thread = !are_all_stuck && threads_ < limits_.workers + stuck_;
+    if (needs_thread) ++threads_;
+  }
+  if (are_all_stuck) {
+    return GiveUp("jobs that do not stop have taken all workers");
+  }
+  if (needs_thread) parts_.workers->AddThread();
+  Dispatch();
+}
+
+void JobManager::GiveUp(const std::string& reason) {
+  {
+    MutexLock lock(mutex_);
+    if (draining_ || has_given_up_) return;
+    has_given_up_ = true;
+  }
+  if (parts_.on_give_up) parts_.on_give_up(reason);
+}
+
+}  // namespace isomatch

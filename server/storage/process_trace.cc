@@ -1,0 +1,80 @@
+#include "server/storage/process_trace.h"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <utility>
+
+#include <nlohmann/json.hpp>
+
+#include "server/storage/files.h"
+
+namespace isomatch {
+namespace {
+
+constexpr std::int64_t kMaxTraceBytes = std::int64_t{1} << 20;
+
+nlohmann::json TraceToJson(const ProcessTrace& trace) {
+  nlohmann::json jobs = nlohmann::json::array();
+  for (const JobTrace& job : trace.jobs) {
+    jobs.push_back({{"id", job.id},
+                    {"attempt", job.attempt},
+                    {"silent_seconds", absl::ToDoubleSeconds(job.silent)}});
+    if (!job.unanswered) continue;
+    jobs.back()["unanswered_seconds"] = absl::ToDoubleSeconds(*job.unanswered);
+  }
+  return {{"resident_bytes", trace.resident_bytes},
+          {"expected_bytes", trace.expected_bytes},
+          {"jobs", std::move(jobs)}};
+}
+
+/// Throws nlohmann::json::exception.
+ProcessTrace TraceFromJson(const nlohmann::json& json) {
+  ProcessTrace trace;
+  trace.resident_bytes = json.at("resident_bytes").get<std::int64_t>();
+  trace.expected_bytes = json.at("expected_bytes").get<std::int64_t>();
+  for (const nlohmann::json& job : json.at("jobs")) {
+    trace.jobs.push_back(
+        {job.at("id").get<std::string>(), job.at("attempt").get<std::int32_t>(),
+         absl::Seconds(job.at("silent_seconds").get<double>())});
+    const auto unanswered = job.find("unanswered_seconds");
+    if (unanswered == job.end()) continue;
+    trace.jobs.back().unanswered = absl::Seconds(unanswered->get<double>());
+  }
+  return trace;
+}
+
+}  // namespace
+
+TraceFile::TraceFile(std::string path)
+    : path_(std::move(path)),
+      descriptor_(open(path_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC,
+                       S_IRUSR | S_IWUSR)) {}
+
+TraceFile::~TraceFile() {
+  if (descriptor_ >= 0) close(descriptor_);
+}
+
+ProcessTrace TraceFile::Read() {
+  const auto bytes = ReadWholeFile(path_, kMaxTraceBytes);
+  if (!bytes.ok()) return {};
+  size_ = bytes->size();
+  try {
+    return TraceFromJson(nlohmann::json::parse(*bytes));
+  } catch (const nlohmann::json::exception&) {  // empty, or half written
+    return {};
+  }
+}
+
+void TraceFile::Write(const ProcessTrace& trace) {
+  if (descriptor_ < 0) return;
+  std::string text = TraceToJson(trace).dump();
+  // Blanks cover what was there: cutting the file would leave a moment in which
+  // it is empty.
+  size_ = std::max(size_, text.size());
+  text.resize(size_, ' ');
+  (void)!pwrite(descriptor_, text.data(), text.size(), 0);
+}
+
+}  // namespace isomatch
