@@ -127,7 +127,7 @@ JobModel::Problem JobModel::CompareEnd(const ModelJob& job,
         return "";
       }
       if (reason == "RUN_TIMEOUT" && job.request.has_run_timeout()) return "";
-      if (reason == "CRASHED_REPEATEDLY" && now.attempt() >= 3) return "";
+      if (reason == "CRASHED_REPEATEDLY" && now.attempt() >= 10) return "";
       return "failed without a reason to";
     default:
       return now.error().reason().empty() && !now.has_result()
