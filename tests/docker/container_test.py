@@ -97,7 +97,8 @@ class ComposeTest(unittest.TestCase):
     def test_has_time_to_drain(self):
         drain = deployment.seconds(self.config["drain-timeout"])
         grace = deployment.seconds(self.server["stop_grace_period"])
-        self.assertGreater(grace, drain + deployment.LAST_SECONDS)
+        stop = deployment.seconds(self.config["unresponsive-grace"])
+        self.assertGreater(grace, drain + stop + deployment.LAST_SECONDS)
 
     def test_root_is_read_only_and_privileges_are_dropped(self):
         self.assertIs(self.server["read_only"], True)

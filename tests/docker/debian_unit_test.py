@@ -50,9 +50,11 @@ class DebianUnitTest(unittest.TestCase):
         self.assertIn("rm -rf /var/lib/isomatch\n", postrm)
 
     def test_has_time_to_drain(self):
-        drain = deployment.seconds(deployment.effective(CONFIG, {})["drain-timeout"])
+        config = deployment.effective(CONFIG, {})
+        jobs = [config["drain-timeout"], config["unresponsive-grace"]]
         stop = deployment.seconds(unit()["TimeoutStopSec"])
-        self.assertGreater(stop, drain + deployment.LAST_SECONDS)
+        needed = sum(map(deployment.seconds, jobs)) + deployment.LAST_SECONDS
+        self.assertGreater(stop, needed)
 
     def test_wrong_settings_are_not_tried_again(self):
         answer = deployment.ask_server(["--workers", "0"], {})

@@ -85,7 +85,8 @@ class KubernetesTest(unittest.TestCase):
     def test_has_time_to_drain(self):
         drain = deployment.seconds(self.config["drain-timeout"])
         grace = self.pod["terminationGracePeriodSeconds"]
-        self.assertGreater(grace, drain + deployment.LAST_SECONDS)
+        stop = deployment.seconds(self.config["unresponsive-grace"])
+        self.assertGreater(grace, drain + stop + deployment.LAST_SECONDS)
 
     def test_probes_ask_by_the_own_binary_for_longer_than_it_takes(self):
         for name in PROBES:
