@@ -145,6 +145,8 @@ Ending WaitForTheEnd(const ServerConfig& config, const sigset_t& signals,
 }
 
 int Serve(const ServerConfig& config) {
+  // A file that may not grow is a full disk, not the end.
+  (void)std::signal(SIGXFSZ, SIG_IGN);
   umask(S_IRWXG | S_IRWXO);  // what it stores is nobody else's
   const sigset_t signals = BlockStopSignals();
   std::atomic<bool> has_given_up = false;

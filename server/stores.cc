@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <utility>
 
+#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
@@ -27,6 +28,20 @@ std::uint64_t FirstNumber() {
   return static_cast<std::uint64_t>(absl::ToUnixMicros(absl::Now()));
 }
 
+/// Says how much of what was acknowledged is not there any more.
+void LogLosses(const std::string& path,
+               const SqliteJournal::Contents& contents) {
+  const std::int64_t lost =
+      contents.lost_jobs +
+      static_cast<std::int64_t>(contents.unreadable.size());
+  if (lost == 0 && contents.lost_changes == 0) return;
+  Log(LogLevel::kError,
+      absl::StrCat(lost, " jobs and the last ", contents.lost_changes,
+                   " changes are lost: ", path,
+                   " or its write-ahead log was damaged or cut"),
+      {{"lost_jobs", lost}, {"lost_changes", contents.lost_changes}});
+}
+
 /// The job store as the last process left it.
 absl::Status OpenJobs(const std::string& path, Stores& stores) {
   ISOMATCH_ASSIGN_OR_RETURN(std::unique_ptr<SqliteJournal> journal,
@@ -38,6 +53,7 @@ absl::Status OpenJobs(const std::string& path, Stores& stores) {
                      " cannot be read and is left out"),
         {{"job", id}});
   }
+  LogLosses(path, contents);
   stores.jobs = std::make_unique<MemoryJobStore>(std::move(contents.records),
                                                  journal.get(), LogJournalError,
                                                  FirstNumber());
@@ -46,6 +62,20 @@ absl::Status OpenJobs(const std::string& path, Stores& stores) {
 }
 
 }  // namespace
+
+std::optional<absl::Time> LoadLastSeen(const std::string& path) {
+  constexpr std::int64_t kMostBytes = 64;
+  const auto text = ReadWholeFile(path, kMostBytes);
+  std::int64_t seconds = 0;
+  if (!text.ok() || !absl::SimpleAtoi(*text, &seconds)) return std::nullopt;
+  return absl::FromUnixSeconds(seconds);
+}
+
+void SaveLastSeen(const std::string& path, absl::Time time) {
+  // A disk that refuses will take a later one.
+  (void)WriteFileDurably(path, path + ".new",
+                         absl::StrCat(absl::ToUnixSeconds(time), "\n"));
+}
 
 absl::StatusOr<Stores> OpenStores(const ServerConfig& config) {
   Stores stores;

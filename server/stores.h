@@ -5,6 +5,7 @@
 #include <string>
 
 #include "absl/status/statusor.h"
+#include "absl/time/time.h"
 #include "server/server_config.h"
 #include "server/storage/blob_store.h"
 #include "server/storage/files.h"
@@ -33,5 +34,9 @@ struct Stores {
 /// when another server uses it, or a newer version wrote it; UNAVAILABLE when
 /// it cannot be used; DATA_LOSS when it is damaged.
 absl::StatusOr<Stores> OpenStores(const ServerConfig& config);
+
+// The time that a server last believed, in a small file; see RetentionClock.
+std::optional<absl::Time> LoadLastSeen(const std::string& path);
+void SaveLastSeen(const std::string& path, absl::Time time);
 
 }  // namespace isomatch

@@ -1,5 +1,8 @@
 #include "server/storage/job_record_codec.h"
 
+#include <algorithm>
+#include <cstdint>
+#include <limits>
 #include <optional>
 
 #include <nlohmann/json.hpp>
@@ -27,8 +30,12 @@ struct adl_serializer<std::optional<T>> {
 template <>
 struct adl_serializer<absl::Time> {
   static void to_json(json& j, absl::Time value) {
+    constexpr std::int64_t kMost = std::numeric_limits<std::int64_t>::max();
+    // Years 1677 to 2262; a clock may be beyond.
+    const absl::Time kept = std::clamp(value, absl::FromUnixNanos(-kMost),
+                                       absl::FromUnixNanos(kMost));
     j = value == absl::InfinitePast() ? json(nullptr)
-                                      : json(absl::ToUnixNanos(value));
+                                      : json(absl::ToUnixNanos(kept));
   }
   static void from_json(const json& j, absl::Time& value) {
     value = j.is_null() ? absl::InfinitePast()
@@ -81,6 +88,41 @@ NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE_WITH_DEFAULT(
     request_sha256, priority, shared_priority, threads, attempt, faults,
     unresponsive, queue_timeout, run_timeout, cancel_when_unwatched, inputs, sequence, number)
 
+namespace {
+
+/// Whether all strings are UTF-8, as those of answers have to be.
+bool IsUtf8(const nlohmann::json& value) {
+  try {
+    (void)value.dump();
+    return true;
+  } catch (const nlohmann::json::type_error&) {
+    return false;
+  }
+}
+
+/// Replaces what is not UTF-8.
+void RepairStrings(nlohmann::json& value) {
+  using nlohmann::json;
+  if (value.is_string()) {
+    value =
+        json::parse(value.dump(-1, ' ', false, json::error_handler_t::replace));
+  }
+  if (value.is_array()) {
+    for (json& element : value) RepairStrings(element);
+  }
+  if (!value.is_object()) return;
+  json repaired = json::object();
+  for (auto& [key, element] : value.items()) {
+    RepairStrings(element);
+    json name = key;
+    RepairStrings(name);
+    repaired[name.get<std::string>()] = std::move(element);
+  }
+  value = std::move(repaired);
+}
+
+}  // namespace
+
 std::string EncodeJobRecord(const JobRecord& record) {
   std::string bytes;
   nlohmann::json::to_cbor(nlohmann::json(record), bytes);
@@ -89,8 +131,9 @@ std::string EncodeJobRecord(const JobRecord& record) {
 
 absl::StatusOr<JobRecord> DecodeJobRecord(absl::string_view bytes) {
   try {
-    JobRecord record =
-        nlohmann::json::from_cbor(bytes.begin(), bytes.end()).get<JobRecord>();
+    nlohmann::json json = nlohmann::json::from_cbor(bytes.begin(), bytes.end());
+    if (!IsUtf8(json)) RepairStrings(json);
+    JobRecord record = json.get<JobRecord>();
     const bool known = record.state >= JobState::kQueued &&
                        record.state <= JobState::kCancelled;
     const bool whole =

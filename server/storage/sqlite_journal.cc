@@ -1,7 +1,9 @@
 #include "server/storage/sqlite_journal.h"
 
+#include <algorithm>
 #include <functional>
 #include <optional>
+#include <set>
 #include <utility>
 
 #include <SQLiteCpp/SQLiteCpp.h>
@@ -9,7 +11,10 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
+#include "server/storage/disk_reserve.h"
 #include "server/storage/job_record_codec.h"
+#include "server/storage/journal_mark.h"
+#include "server/storage/sha256.h"
 
 namespace isomatch {
 namespace {
@@ -28,11 +33,18 @@ constexpr const char* kMigrations[SqliteJournal::kSchemaVersion] = {
        ) STRICT, WITHOUT ROWID;
        CREATE UNIQUE INDEX jobs_by_request ON jobs (tenant, request_id)
          WHERE request_id <> '';)",
+    // Records of before have no checksum.
+    R"(ALTER TABLE jobs ADD COLUMN checksum TEXT;
+       CREATE TABLE journal (
+         one INTEGER PRIMARY KEY CHECK (one = 1),
+         commits INTEGER NOT NULL
+       ) STRICT;
+       INSERT INTO journal VALUES (1, 0);)",
 };
 
 constexpr char kWrite[] =
     "INSERT OR REPLACE INTO jobs (id, number, tenant, request_id, state, "
-    "created, ended, record) VALUES (?, ?, ?, ?, ?, ?, ?, ?)";
+    "created, ended, record, checksum) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)";
 
 absl::Status ErrorOf(const SQLite::Exception& error, const std::string& path) {
   const std::string message = absl::StrCat(path, ": ", error.what());
@@ -61,6 +73,29 @@ std::string TimeText(absl::Time time) {
   return absl::FormatTime("%Y-%m-%dT%H:%M:%E3SZ", time, absl::UTCTimeZone());
 }
 
+/// Of what a row holds.
+std::string Checksum(const std::string& id, absl::string_view record) {
+  constexpr size_t kDigits = 16;
+  Sha256 sha256;
+  sha256.Update(id);
+  sha256.Update(record);
+  return sha256.HexDigest().substr(0, kDigits);
+}
+
+absl::StatusOr<JobRecord> ReadRecord(SQLite::Statement& rows,
+                                     const std::string& id) {
+  const SQLite::Column column = rows.getColumn(1);
+  const absl::string_view bytes(static_cast<const char*>(column.getBlob()),
+                                static_cast<size_t>(column.getBytes()));
+  const SQLite::Column checksum = rows.getColumn(2);
+  if (!checksum.isNull() && checksum.getString() != Checksum(id, bytes)) {
+    return absl::DataLossError("not the record that was written");
+  }
+  ISOMATCH_ASSIGN_OR_RETURN(JobRecord record, DecodeJobRecord(bytes));
+  if (record.id != id) return absl::DataLossError("the record of another job");
+  return record;
+}
+
 void BindRecord(const JobRecord& record, SQLite::Statement& statement) {
   const std::string bytes = EncodeJobRecord(record);
   statement.bind(1, record.id);
@@ -75,6 +110,75 @@ void BindRecord(const JobRecord& record, SQLite::Statement& statement) {
     statement.bind(7);
   }
   statement.bind(8, bytes.data(), static_cast<int>(bytes.size()));
+  statement.bind(9, Checksum(record.id, bytes));
+}
+
+}  // namespace
+
+/// The tables as this program writes them. Throws.
+class SqliteJournal::Database {
+ public:
+  explicit Database(const std::string& path)
+      : database_(path, SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE,
+                  /*aBusyTimeoutMs=*/5000) {}
+
+  absl::Status Prepare(const std::string& path);
+
+  /// Calls `change` with the statements and commits.
+  void Commit(const std::function<void(SQLite::Statement& write,
+                                       SQLite::Statement& remove)>& change);
+
+  SQLite::Database& database() { return database_; }
+  std::int64_t commits() {
+    return database_.execAndGet("SELECT commits FROM journal").getInt64();
+  }
+
+ private:
+  SQLite::Database database_;
+  std::optional<SQLite::Statement> write_;
+  std::optional<SQLite::Statement> remove_;
+  std::optional<SQLite::Statement> count_;
+};
+
+absl::Status SqliteJournal::Database::Prepare(const std::string& path) {
+  database_.exec("PRAGMA journal_mode = WAL");
+  database_.exec("PRAGMA synchronous = FULL");
+  const int version = database_.execAndGet("PRAGMA user_version").getInt();
+  if (version > SqliteJournal::kSchemaVersion) {
+    return absl::FailedPreconditionError(absl::StrCat(
+        path, " has version ", version, " of the tables, expected at most ",
+        SqliteJournal::kSchemaVersion, ": a newer isomatch-server wrote it"));
+  }
+  if (version < SqliteJournal::kSchemaVersion) {  // a full disk may refuse it
+    SQLite::Transaction transaction(database_);
+    for (int next = version; next < SqliteJournal::kSchemaVersion; ++next) {
+      database_.exec(kMigrations[next]);
+    }
+    database_.exec(
+        absl::StrCat("PRAGMA user_version = ", SqliteJournal::kSchemaVersion));
+    transaction.commit();
+  }
+  write_.emplace(database_, kWrite);
+  remove_.emplace(database_, "DELETE FROM jobs WHERE id = ?");
+  count_.emplace(database_, "UPDATE journal SET commits = commits + 1");
+  return absl::OkStatus();
+}
+
+void SqliteJournal::Database::Commit(
+    const std::function<void(SQLite::Statement& write,
+                             SQLite::Statement& remove)>& change) {
+  SQLite::Transaction transaction(database_);
+  change(*write_, *remove_);
+  count_->tryReset();
+  count_->exec();
+  transaction.commit();
+}
+
+namespace {
+
+/// Whether room may help.
+bool MayPass(const absl::Status& status) {
+  return absl::IsResourceExhausted(status) || absl::IsUnavailable(status);
 }
 
 }  // namespace
@@ -82,44 +186,43 @@ void BindRecord(const JobRecord& record, SQLite::Statement& statement) {
 struct SqliteJournal::Impl {
   explicit Impl(const std::string& file)
       : path(file),
-        database(file, SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE,
-                 /*aBusyTimeoutMs=*/5000) {}
+        mark(file + ".mark"),
+        reserve(file + ".reserve", kReserveBytes) {}
 
-  absl::Status Prepare();
+  /// Opens the database and checks its tables.
+  absl::Status OpenDatabase();
+
+  /// What the mark says of before and what is in the database differ by.
+  void CompareWithMark(Contents& contents);
+
+  /// After a commit.
+  void SetMark();
 
   const std::string path;
-  SQLite::Database database;
-  std::optional<SQLite::Statement> write;
-  std::optional<SQLite::Statement> remove;
+  JournalMark mark;
+  DiskReserve reserve;
+  std::unique_ptr<Database> database;
+  std::int64_t commits = 0;
+  std::set<std::string> ids;
 };
 
-absl::Status SqliteJournal::Impl::Prepare() {
-  database.exec("PRAGMA journal_mode = WAL");
-  database.exec("PRAGMA synchronous = FULL");
-  const int version = database.execAndGet("PRAGMA user_version").getInt();
-  if (version > kSchemaVersion) {
-    return absl::FailedPreconditionError(absl::StrCat(
-        path, " has version ", version, " of the tables, expected at most ",
-        kSchemaVersion, ": a newer isomatch-server wrote it"));
-  }
-  SQLite::Transaction transaction(database);
-  for (int next = version; next < kSchemaVersion; ++next) {
-    database.exec(kMigrations[next]);
-  }
-  database.exec(absl::StrCat("PRAGMA user_version = ", kSchemaVersion));
-  transaction.commit();
-  write.emplace(database, kWrite);
-  remove.emplace(database, "DELETE FROM jobs WHERE id = ?");
-  return absl::OkStatus();
+absl::Status SqliteJournal::Impl::OpenDatabase() {
+  return Guarded(path, [this] {
+    database = std::make_unique<Database>(path);
+    return database->Prepare(path);
+  });
+}
+
+void SqliteJournal::Impl::SetMark() {
+  mark.Write({commits, static_cast<std::int64_t>(ids.size())});
 }
 
 absl::StatusOr<std::unique_ptr<SqliteJournal>> SqliteJournal::Open(
     const std::string& path) {
-  std::unique_ptr<Impl> impl;
-  ISOMATCH_RETURN_IF_ERROR(Guarded(path, [&] {
-    impl = std::make_unique<Impl>(path);
-    return impl->Prepare();
-  }));
+  auto impl = std::make_unique<Impl>(path);
+  absl::Status opened = impl->OpenDatabase();
+  if (MayPass(opened) && impl->reserve.Release()) opened = impl->OpenDatabase();
+  ISOMATCH_RETURN_IF_ERROR(opened);
   return std::unique_ptr<SqliteJournal>(new SqliteJournal(std::move(impl)));
 }
 
@@ -130,47 +233,75 @@ SqliteJournal::~SqliteJournal() = default;
 absl::StatusOr<SqliteJournal::Contents> SqliteJournal::Load() {
   Contents contents;
   ISOMATCH_RETURN_IF_ERROR(Guarded(impl_->path, [&] {
-    SQLite::Statement rows(impl_->database,
-                           "SELECT id, record FROM jobs ORDER BY number");
+    SQLite::Statement rows(
+        impl_->database->database(),
+        "SELECT id, record, checksum FROM jobs ORDER BY number");
     while (rows.executeStep()) {
-      const SQLite::Column column = rows.getColumn(1);
-      auto record = DecodeJobRecord({static_cast<const char*>(column.getBlob()),
-                                     static_cast<size_t>(column.getBytes())});
+      const std::string id = rows.getColumn(0).getString();
+      impl_->ids.insert(id);
+      auto record = ReadRecord(rows, id);
       if (record.ok()) {
         contents.records.push_back(*std::move(record));
       } else {
-        contents.unreadable.push_back(rows.getColumn(0).getString());
+        contents.unreadable.push_back(id);
       }
     }
+    impl_->commits = impl_->database->commits();
     return absl::OkStatus();
   }));
+  impl_->CompareWithMark(contents);
   return contents;
 }
 
+void SqliteJournal::Impl::CompareWithMark(Contents& contents) {
+  const std::optional<JournalMark::State> seen = mark.Read();
+  // One that lags behind says nothing of what came after it.
+  if (seen && seen->commits >= commits) {
+    contents.lost_changes = seen->commits - commits;
+    contents.lost_jobs = std::max<std::int64_t>(
+        0, seen->jobs - static_cast<std::int64_t>(ids.size()));
+  }
+  SetMark();
+}
+
 absl::Status SqliteJournal::Write(const std::vector<JobRecord>& records) {
-  return Guarded(impl_->path, [&] {
-    SQLite::Transaction transaction(impl_->database);
-    for (const JobRecord& record : records) {
-      impl_->write->tryReset();
-      BindRecord(record, *impl_->write);
-      impl_->write->exec();
-    }
-    transaction.commit();
+  impl_->reserve.Refill();
+  ISOMATCH_RETURN_IF_ERROR(Guarded(impl_->path, [&] {
+    impl_->database->Commit([&](SQLite::Statement& write, SQLite::Statement&) {
+      for (const JobRecord& record : records) {
+        write.tryReset();
+        BindRecord(record, write);
+        write.exec();
+      }
+    });
     return absl::OkStatus();
-  });
+  }));
+  for (const JobRecord& record : records) impl_->ids.insert(record.id);
+  ++impl_->commits;
+  impl_->SetMark();
+  return absl::OkStatus();
 }
 
 absl::Status SqliteJournal::Remove(const std::vector<std::string>& ids) {
-  return Guarded(impl_->path, [&] {
-    SQLite::Transaction transaction(impl_->database);
-    for (const std::string& id : ids) {
-      impl_->remove->tryReset();
-      impl_->remove->bind(1, id);
-      impl_->remove->exec();
-    }
-    transaction.commit();
+  const auto remove_all = [&] {
+    impl_->database->Commit([&](SQLite::Statement&, SQLite::Statement& remove) {
+      for (const std::string& id : ids) {
+        remove.tryReset();
+        remove.bind(1, id);
+        remove.exec();
+      }
+    });
     return absl::OkStatus();
-  });
+  };
+  absl::Status removed = Guarded(impl_->path, remove_all);
+  if (MayPass(removed) && impl_->reserve.Release()) {
+    removed = Guarded(impl_->path, remove_all);
+  }
+  ISOMATCH_RETURN_IF_ERROR(removed);
+  for (const std::string& id : ids) impl_->ids.erase(id);
+  ++impl_->commits;
+  impl_->SetMark();
+  return absl::OkStatus();
 }
 
 }  // namespace isomatch

@@ -88,6 +88,17 @@ TEST(MainTest, ASecondSignalEndsItAtOnce) {
   EXPECT_LT(absl::Now() - begin, absl::Seconds(1));
 }
 
+TEST(MainTest, AFileThatMayNotGrowDoesNotEndIt) {
+  ServerProcess server(ISOMATCH_SERVER_BINARY);
+  server.process.Signal(SIGXFSZ);  // what the system sends then
+  const auto stub = Connect(server.address);
+  grpc::ClientContext context;
+  v1::GetServerInfoResponse info;
+  EXPECT_TRUE(stub->GetServerInfo(&context, {}, &info).ok());
+  server.process.Signal(SIGTERM);
+  EXPECT_EQ(server.process.ExitStatus(), 0);
+}
+
 TEST(MainTest, SaysHowToSendAFirstJob) {
   ServerProcess server(ISOMATCH_SERVER_BINARY);
   EXPECT_THAT(server.process.ReadUntil("isomatch match --server "),

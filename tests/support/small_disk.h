@@ -1,0 +1,54 @@
+#pragma once
+
+#include <sys/mount.h>
+
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <string>
+
+#include "tests/support/temporary_folder.h"
+
+namespace isomatch {
+
+/// A disk of a few MiB of the running test, to fill it. Only root can have one:
+/// others get `problem`, and skip.
+class SmallDisk {
+ public:
+  explicit SmallDisk(int mebibytes) {
+    std::filesystem::create_directory(path_);
+    const std::string size = "size=" + std::to_string(mebibytes) + "m";
+    if (mount("tmpfs", path_.c_str(), "tmpfs", 0, size.c_str()) != 0) {
+      problem_ =
+          std::string("cannot mount a small disk: ") + std::strerror(errno);
+    }
+  }
+  ~SmallDisk() { umount2(path_.c_str(), MNT_DETACH); }
+  SmallDisk(const SmallDisk&) = delete;
+  SmallDisk& operator=(const SmallDisk&) = delete;
+
+  /// Empty if there is a disk.
+  const std::string& problem() const { return problem_; }
+  std::string Path(const std::string& name) const { return path_ + "/" + name; }
+
+  /// Takes all the room that is left.
+  void Fill() const {
+    for (const std::size_t piece : {std::size_t{4096}, std::size_t{1}}) {
+      std::ofstream file(Path("fill"), std::ios::app | std::ios::binary);
+      const std::string bytes(piece, 'x');
+      while (file << bytes << std::flush) {
+      }
+    }
+  }
+
+  /// Gives it back.
+  void Empty() const { std::filesystem::remove(Path("fill")); }
+
+ private:
+  TemporaryFolder folder_;
+  const std::string path_ = folder_.Path("disk");
+  std::string problem_;
+};
+
+}  // namespace isomatch
