@@ -258,11 +258,12 @@ void WarnOfGeometry(const MeshInspection& found,
   }
   const double farthest = std::max(found.box_low.cwiseAbs().maxCoeff(),
                                    found.box_high.cwiseAbs().maxCoeff());
-  // Coordinates travel with 24 bits.
   if (std::ldexp(farthest, -24) > kCoarseRounding * found.mean_edge) {
     warnings->push_back(absl::StrFormat(
-        "the mesh lies %.3g away from the origin, where single precision "
-        "rounds by more than a hundredth of an edge (%.3g): move it there",
+        "the mesh lies %.3g away from the origin: a file of single precision, "
+        "as STL and most PLY are, has it rounded there by more than a "
+        "hundredth "
+        "of an edge (%.3g)",
         farthest, found.mean_edge));
   }
   const double diagonal = (found.box_high - found.box_low).norm();

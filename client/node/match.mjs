@@ -83,6 +83,9 @@ async function main() {
     writeFileSync(`${args.output}.part`, map.join('\n') + '\n');
     renameSync(`${args.output}.part`, args.output);
     console.error(`${map.length} vertices matched, written to ${args.output}`);
+    const {level, reason, advice} = job.result.verdict;
+    console.error(`verdict: ${level.replace('LEVEL_', '').toLowerCase()} (${reason})` +
+                  (advice && `: ${advice}`));
   } else {
     console.error(job.error ? `${job.error.message} (${job.error.reason})` : 'cancelled');
     process.exitCode = job.error ? 1 : 130;

@@ -1,6 +1,7 @@
 #include "server/convert/parse_create_job.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <limits>
 #include <optional>
@@ -8,9 +9,11 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "absl/strings/strip.h"
 #include "core/base/status_macros.h"
 #include "core/io/draco_mesh.h"
+#include "core/mesh/mesh_geometry.h"
 #include "server/convert/digest.h"
 #include "server/convert/labels.h"
 #include "server/jobs/errors.h"
@@ -91,6 +94,28 @@ void WarnOfDracosOrder(v1::VertexOrder order, const std::string& field,
       "sequentially; VERTEX_ORDER_DECODED says that this is meant"));
 }
 
+/// Adds a warning where single precision, in which Draco's coordinates come,
+/// has rounded the mesh's shape, as far from the origin.
+void WarnOfRounding(const TriangleMesh& mesh, const std::string& field,
+                    JobSpec& spec) {
+  constexpr int kBits = 24;
+  constexpr double kCoarse = 0.01;  // of an edge
+  double farthest = 0;
+  for (Eigen::Index i = 0; i < mesh.faces.size(); ++i) {
+    const auto corner = mesh.positions.row(mesh.faces.data()[i]);
+    farthest = std::max(farthest, corner.cwiseAbs().maxCoeff());
+  }
+  const double rounding = std::ldexp(farthest, -kBits);
+  const double edge = MeanEdgeLength(mesh);
+  if (!(rounding > kCoarse * edge)) return;
+  spec.warnings.push_back(absl::StrFormat(
+      "%s: coordinates of up to %.3g are rounded by %.3g in single precision, "
+      "more than a hundredth of the mean edge (%.3g): subtract the mesh's "
+      "middle "
+      "before it is encoded",
+      field, farthest, rounding, edge));
+}
+
 /// Returns a mesh of the request. What it warns of is added to `spec`, which
 /// has the meshes that were read before.
 absl::StatusOr<TriangleMesh> ParseMesh(const v1::Mesh& mesh,
@@ -127,6 +152,7 @@ absl::StatusOr<TriangleMesh> ParseMesh(const v1::Mesh& mesh,
     return MeshMalformed(LeadingFieldPath(valid.message(), field),
                          std::string(valid.message()));
   }
+  WarnOfRounding(*decoded, field, spec);
   return decoded;
 }
 

@@ -25,6 +25,7 @@ def main() -> None:
     # Line i: the vertex of Y for vertex i of X, as `isomatch match` writes it.
     np.savetxt(output, result.y_from_x, fmt="%d")
     quality = result.info.quality
+    print(f"verdict: {result.verdict}")
     print(f"{result.matched.sum()} of {len(result.y_from_x)} vertices matched")
     print(f"geodesic distortion {quality.geodesic_distortion:.3f}, coverage {quality.coverage:.0%}")
     assert result.confidence is not None

@@ -26,7 +26,7 @@ from isomatch.errors import (
 )
 from isomatch.mesh import MeshLike, UploadedMesh, read_mesh
 from isomatch.result import FunctionalMap, MatchResult, PreciseMap
-from isomatch.status import JobState, JobStatus, LandmarkOutcome, ResultInfo, ServerInfo
+from isomatch.status import JobState, JobStatus, LandmarkOutcome, ResultInfo, ServerInfo, Verdict
 
 __version__ = "0.1.0"
 
@@ -55,6 +55,7 @@ __all__ = [
     "ServerNotStarted",
     "Unavailable",
     "UploadedMesh",
+    "Verdict",
     "match",
     "read_mesh",
 ]

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from isomatch.errors import DataLoss
 from isomatch.mesh import invalid
-from isomatch.status import ResultInfo
+from isomatch.status import ResultInfo, Verdict
 
 _POINT = np.dtype([("vertices", "<u4", (3,)), ("weights", "<f4", (3,))])
 
@@ -61,6 +61,11 @@ class MatchResult:
     precise: PreciseMap | None = None
     alternative: NDArray[np.int32] | None = None
     functional_map: FunctionalMap | None = None
+
+    @property
+    def verdict(self) -> Verdict:
+        """Whether the map is good, doubtful or bad, why, and what to do."""
+        return self.info.verdict
 
     @property
     def matched(self) -> NDArray[np.bool_]:

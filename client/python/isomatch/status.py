@@ -79,6 +79,20 @@ class Quality:
 
 
 @dataclass(frozen=True)
+class Verdict:
+    """level: "good", "doubtful" or "bad", "unknown" of a server that did not judge.
+    reason: why. advice: what to do about it, empty for a good map."""
+
+    level: str
+    reason: str
+    advice: str
+
+    def __str__(self) -> str:
+        advice = f": {self.advice}" if self.advice else ""
+        return f"{self.level} ({self.reason}){advice}"
+
+
+@dataclass(frozen=True)
 class LandmarkOutcome:
     """kept: the map sends x to y. Otherwise the rest of the map contradicts the
     landmark and sends x to y_found (-1: nowhere), at this distance from y, a
@@ -95,6 +109,8 @@ class LandmarkOutcome:
 class ResultInfo:
     """What is known of a result without a truth. Seconds and bytes.
 
+    verdict: what a person would say who looked at the map.
+
     symmetry_confidence: 0 to 1, how clearly the map is better than
     `alternatives`, which are the scores of the maps not chosen, best first.
     unmatched: vertices of X on no face. parts: what can be downloaded.
@@ -102,6 +118,7 @@ class ResultInfo:
 
     mesh_x: MeshSummary
     mesh_y: MeshSummary
+    verdict: Verdict
     scores: Scores
     quality: Quality
     symmetry_confidence: float
@@ -234,12 +251,20 @@ def _landmark(message: Any) -> LandmarkOutcome:
     return _as(LandmarkOutcome, message, x=landmark.x, y=landmark.y, y_found=found)
 
 
+def _verdict_level(number: int) -> str:
+    """LEVEL_GOOD as "good"."""
+    name = _messages.enum_name("Verdict.Level", number) or ""
+    level = name.partition("_")[2].lower()
+    return level if level not in ("", "unspecified") else "unknown"
+
+
 def _result_info(message: Any) -> ResultInfo:
     return _as(
         ResultInfo,
         message,
         mesh_x=_mesh_summary(message.mesh_x),
         mesh_y=_mesh_summary(message.mesh_y),
+        verdict=_as(Verdict, message.verdict, level=_verdict_level(message.verdict.level)),
         scores=_as(Scores, message.scores),
         quality=_as(Quality, message.quality),
         alternatives=tuple(_as(Scores, a.scores) for a in message.alternatives),

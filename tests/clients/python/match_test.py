@@ -19,6 +19,15 @@ class MatchTest(unittest.TestCase):
         result = isomatch.match(x, y)
         self.assertEqual(support.as_map_file(result.y_from_x), support.map_of_command_line(x, y))
         self.assertGreater((result.y_from_x == support.truth()).mean(), 0.7)
+        self.assertEqual((result.verdict.level, result.verdict.advice), ("good", ""))
+        self.assertIn("mean confidence", str(result.verdict))
+
+    def test_a_bad_map_says_so(self):
+        dice = np.random.default_rng(1)
+        nonsense = dice.normal(size=(500, 3)), dice.integers(0, 500, (1000, 3))
+        result = isomatch.match(nonsense, support.pair()[1])
+        self.assertEqual(result.verdict.level, "bad")
+        self.assertNotEqual(result.verdict.advice, "")
 
     def test_decimated_meshes_give_the_bytes_of_the_command_line(self):
         # Decimation depends on the order of faces, which Draco does not keep.

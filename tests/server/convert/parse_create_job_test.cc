@@ -14,6 +14,7 @@
 #include "server/convert/request_limits.h"
 #include "server/storage/sha256.h"
 #include "tests/server/test_server.h"
+#include "tests/support/draco_stream.h"
 #include "tests/support/shapes.h"
 
 namespace isomatch {
@@ -159,6 +160,28 @@ TEST_F(ParseCreateJobTest, SequentialWithoutAnOrderIsNoWarning) {
   request.mutable_mesh_x()->clear_vertex_order();
   EXPECT_THAT(Watch(CreateJob(request)).back().result().warnings(),
               testing::IsEmpty());
+}
+
+/// A triangle of edges about 1, as encoders that leave it where it lies do.
+std::string TriangleAt(float x, float y) {
+  const float values[] = {x, y, 120, x + 1, y, 120, x, y + 1, 120};
+  return DracoTriangle(
+      std::string("\0\1\2", 3),
+      DracoAttribute(/*POSITION*/ 0, /*DT_FLOAT32*/ 9, 3) +
+          std::string(reinterpret_cast<const char*>(values), sizeof values));
+}
+
+TEST_F(ParseCreateJobTest, AShapeThatSinglePrecisionRoundsIsAWarning) {
+  v1::CreateJobRequest request = SphereJob();
+  request.mutable_mesh_x()->Clear();
+  request.mutable_mesh_x()->set_draco(TriangleAt(500, 4500));
+  EXPECT_THAT(Watch(CreateJob(request)).back().result().warnings(),
+              testing::IsEmpty());
+  request.mutable_mesh_x()->set_draco(TriangleAt(500'000, 4'500'000));
+  EXPECT_THAT(Watch(CreateJob(request)).back().result().warnings(),
+              testing::ElementsAre(testing::AllOf(
+                  testing::StartsWith("mesh_x: coordinates of up to 4.5e+06"),
+                  testing::HasSubstr("subtract the mesh's middle"))));
 }
 
 TEST_F(ParseCreateJobTest, PriorityAndDisconnectPolicyOutOfRange) {
