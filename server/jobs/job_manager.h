@@ -80,8 +80,9 @@ struct JobPart {
 /// The watch, several times a second, does that, and looks at the memory of the
 /// process. Beyond its limit jobs are asked to stop, one by one, the most
 /// silent first, and go back to the queue, with a fault if memory fell with
-/// their end; after `max_faults` they are FAILED (OUT_OF_MEMORY). One that does
-/// not answer for two seconds is stuck at once, and on_give_up called.
+/// their end; if it did not, no job is stopped before it grows on. After
+/// `max_faults` they are FAILED (OUT_OF_MEMORY). One that does not answer for
+/// two seconds is stuck at once, and on_give_up called.
 ///
 /// Thread-safe. The mutex is never held while the store, a watcher, the match
 /// or an executor is called.
@@ -276,7 +277,7 @@ class JobManager {
   bool Finish(const LiveJob& live, const JobRecord& record,
               absl::StatusOr<RunOutcome> outcome);
   bool PutBack(const std::string& id);
-  bool HasFreedMemory(const std::string& id) const;
+  bool HasFreedMemory(const std::string& id);
   void EnqueueAgain(const std::string& id);
   absl::Duration RunLimit(std::optional<absl::Duration> asked) const;
   void LimitRun(LiveJob& live, const JobRecord& started);
@@ -363,6 +364,9 @@ class JobManager {
   Executor::Timer watch_timer_ ABSL_GUARDED_BY(mutex_);
   bool has_given_up_ ABSL_GUARDED_BY(mutex_) = false;
   std::atomic<bool> stopped_ = false;
+  /// Memory above the limit that stopping a job did not help against: no other
+  /// is stopped for it.
+  std::atomic<std::int64_t> tolerated_bytes_ = 0;
   /// Only the watch uses it.
   bool is_trace_empty_ = true;
   RunningJobs runs_;

@@ -64,7 +64,11 @@ void JobManager::WriteTrace() {
 
 void JobManager::WatchMemory() {
   const MemoryFigures memory = ReadMemory();
-  if (memory.resident_bytes <= memory.limit_bytes) return;
+  if (memory.resident_bytes <= memory.limit_bytes) tolerated_bytes_ = 0;
+  if (memory.resident_bytes <=
+      std::max<std::int64_t>(memory.limit_bytes, tolerated_bytes_)) {
+    return;
+  }
   const std::vector<JobTrace> traces = runs_.Traces();
   if (traces.empty()) return;  // no job's doing
   const JobTrace& asked = *std::max_element(
@@ -85,11 +89,14 @@ void JobManager::WatchMemory() {
   AskToStop(silent.id, memory.resident_bytes);
 }
 
-bool JobManager::HasFreedMemory(const std::string& id) const {
+bool JobManager::HasFreedMemory(const std::string& id) {
   const auto before = runs_.ResidentWhenAsked(id);
   if (!before) return false;
   ReleaseFreedMemory();
-  return ReadMemory().resident_bytes < *before - *before / 10;
+  const std::int64_t now = ReadMemory().resident_bytes;
+  const bool has_freed = now < *before - *before / 10;
+  if (!has_freed) tolerated_bytes_ = now + now / 10;
+  return has_freed;
 }
 
 void JobManager::OnNoAnswer(const std::string& id) {

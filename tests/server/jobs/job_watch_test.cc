@@ -298,6 +298,14 @@ TEST_F(JobWatchTest, AJobWhoseEndDoesNotHelpHasNoFault) {
   EXPECT_TRUE(growing_.RunNext());
   EXPECT_EQ(Record(id).faults, 0);
   EXPECT_EQ(Record(id).attempt, 0);
+  DuringFirstMatch([&] {
+    Pass(absl::Seconds(5));  // the memory is somebody else's
+    EXPECT_FALSE(stop_.stop_requested());
+    memory_.resident_bytes = 1200;  // it grows on
+    Pass(absl::ZeroDuration());
+    EXPECT_TRUE(stop_.stop_requested());
+    return absl::OkStatus();  // just before it heard of it
+  });
   EXPECT_TRUE(growing_.RunNext());
   EXPECT_EQ(StateOf(id), "SUCCEEDED");
 }
