@@ -57,4 +57,14 @@ void LogStuck(const JobRecord& job) {
        {"state", JobStateName(job.state)}});
 }
 
+void LogStorage(const absl::Status& storage) {
+  if (storage.ok()) {
+    Log(LogLevel::kInfo, "results can be stored again, waiting jobs start");
+    return;
+  }
+  Log(LogLevel::kError,
+      absl::StrCat("results cannot be stored, jobs wait until they can: ",
+                   storage.message()));
+}
+
 }  // namespace isomatch

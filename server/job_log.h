@@ -1,5 +1,6 @@
 #pragma once
 
+#include "absl/status/status.h"
 #include "absl/time/time.h"
 #include "server/storage/job_record.h"
 
@@ -11,5 +12,8 @@ void LogState(const JobRecord& job, absl::Time now);
 
 /// Logs, as an error, that a job was asked to stop and did not.
 void LogStuck(const JobRecord& job);
+
+/// Logs why results cannot be stored; with OK that they can again.
+void LogStorage(const absl::Status& storage);
 
 }  // namespace isomatch

@@ -1,6 +1,7 @@
 #include "server/server.h"
 
 #include <algorithm>
+#include <chrono>
 #include <functional>
 #include <limits>
 #include <mutex>
@@ -24,6 +25,7 @@
 #include "server/jobs/memory_limit.h"
 #include "server/jobs/prepared_cache.h"
 #include "server/jobs/process_memory.h"
+#include "server/jobs/retention_clock.h"
 #include "server/jobs/thread_pool.h"
 #include "server/logging/log.h"
 #include "server/metrics/prometheus_metrics.h"
@@ -93,6 +95,25 @@ std::int64_t ChooseMaxResidentBytes(const ServerConfig& config) {
   return std::min(wanted,
                   static_cast<std::int64_t>(
                       kMost * static_cast<double>(AvailableMemoryBytes())));
+}
+
+std::string ClockPath(const ServerConfig& config) {
+  return absl::StrCat(config.data_dir, "/clock");
+}
+
+RetentionClock::Parts MakeClockParts(const ServerConfig& config) {
+  return {.now = absl::Now,
+          .steady =
+              [] {
+                return absl::FromChrono(
+                    std::chrono::steady_clock::now().time_since_epoch());
+              },
+          .save = [path = ClockPath(config)](
+                      absl::Time time) { SaveLastSeen(path, time); },
+          .on_change =
+              [](bool is_believed, const std::string& why) {
+                Log(is_believed ? LogLevel::kInfo : LogLevel::kWarning, why);
+              }};
 }
 
 /// Null when there is to be no endpoint.
@@ -198,6 +219,7 @@ class Server::Impl {
   MemoryBudget all_upload_calls_{std::numeric_limits<std::int64_t>::max()};
   TenantBudgets upload_calls_;
   const JobRunner runner_;
+  RetentionClock retention_clock_;
   // Joined in ~Impl, in the reverse order of who calls whom.
   std::unique_ptr<ThreadPool> workers_;
   std::unique_ptr<ThreadPool> timers_;
@@ -234,6 +256,7 @@ Server::Impl::Impl(const ServerConfig& config, MatchEngine engine,
       upload_calls_(&all_upload_calls_, TenantLimitsOf(config).uploads),
       runner_(std::move(engine), absl::Now,
               config.prepared_cache_bytes > 0 ? &prepared_ : nullptr),
+      retention_clock_(MakeClockParts(config), LoadLastSeen(ClockPath(config))),
       workers_(std::make_unique<ThreadPool>(config.workers)),
       timers_(std::make_unique<ThreadPool>(1)),
       intake_(std::make_unique<ThreadPool>(IntakeThreads(config))),
@@ -288,6 +311,10 @@ JobManager::Parts Server::Impl::MakeJobParts() {
   parts.load_spec = [this](const JobRecord& record) {
     return LoadJobSpec(record, context_.parse);
   };
+  if (config_.is_durable()) parts.retention_clock = &retention_clock_;
+  parts.on_storage = [this](const absl::Status& storage) {
+    if (!config_.listen.empty()) LogStorage(storage);
+  };
   parts.on_state = [this](const JobRecord& job) { OnState(job); };
   parts.watch = watch_.get();
   parts.read_memory = [this] { return ReadMemory(); };
@@ -314,17 +341,20 @@ JobManager::MemoryFigures Server::Impl::ReadMemory() const {
 LoadFigures Server::Impl::ReadLoad() {
   const JobManager::Load load = manager_.load();
   const PreparedCache::Counts prepared = prepared_.counts();
-  LoadFigures figures = {.running_jobs = load.running_jobs,
-                         .stuck_workers = load.stuck_jobs,
-                         .watchers = manager_.watchers().size(),
-                         .memory_budget_bytes = budget_.total_bytes(),
-                         .memory_reserved_bytes = budget_.reserved_bytes(),
-                         .memory_measured_bytes = PeakResidentBytes(),
-                         .stored_bytes = stores_.blobs->size_bytes(),
-                         .prepared_bytes = prepared_.size_bytes(),
-                         .prepared_in_memory = prepared.in_memory,
-                         .prepared_on_disk = prepared.on_disk,
-                         .prepared_missing = prepared.missing};
+  LoadFigures figures = {
+      .held_for_storage = load.can_store ? 0 : load.queued_jobs,
+      .held_for_inputs = load.held_jobs,
+      .running_jobs = load.running_jobs,
+      .stuck_workers = load.stuck_jobs,
+      .watchers = manager_.watchers().size(),
+      .memory_budget_bytes = budget_.total_bytes(),
+      .memory_reserved_bytes = budget_.reserved_bytes(),
+      .memory_measured_bytes = PeakResidentBytes(),
+      .stored_bytes = stores_.blobs->size_bytes(),
+      .prepared_bytes = prepared_.size_bytes(),
+      .prepared_in_memory = prepared.in_memory,
+      .prepared_on_disk = prepared.on_disk,
+      .prepared_missing = prepared.missing};
   for (const auto& [priority, count] : manager_.queued_by_priority()) {
     int& level = priority < 0    ? figures.queued_low
                  : priority == 0 ? figures.queued_normal

@@ -17,6 +17,12 @@ static_assert(static_cast<int>(Profile::kPaper) + 1 == v1::PROFILE_PAPER);
 static_assert(static_cast<int>(JobState::kQueued) == v1::Job::STATE_QUEUED);
 static_assert(static_cast<int>(JobState::kCancelled) ==
               v1::Job::STATE_CANCELLED);
+static_assert(static_cast<int>(WaitReason::kTurn) ==
+              v1::Job::WAIT_REASON_UNSPECIFIED);
+static_assert(static_cast<int>(WaitReason::kStorage) ==
+              v1::Job::WAIT_REASON_STORAGE);
+static_assert(static_cast<int>(WaitReason::kInputs) ==
+              v1::Job::WAIT_REASON_INPUTS);
 static_assert(static_cast<int>(ResultPart::kMap) == v1::RESULT_PART_MAP);
 static_assert(static_cast<int>(ResultPart::kFunctionalMap) ==
               v1::RESULT_PART_FUNCTIONAL_MAP);
@@ -189,6 +195,7 @@ v1::Job ToProto(const JobSnapshot& snapshot) {
   job.set_state(static_cast<v1::Job::State>(record.state));
   SetProgress(record.progress, *job.mutable_progress());
   job.set_queue_position(static_cast<std::uint32_t>(snapshot.queue_position));
+  job.set_waiting_for(static_cast<v1::Job::WaitReason>(snapshot.waiting_for));
   job.set_memory_estimate_bytes(
       static_cast<std::uint64_t>(record.memory_estimate_bytes));
   if (record.error) SetError(*record.error, *job.mutable_error());

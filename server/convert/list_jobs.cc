@@ -1,6 +1,7 @@
 #include "server/convert/list_jobs.h"
 
 #include <set>
+#include <utility>
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
@@ -51,6 +52,27 @@ std::string MakePageToken(const JobFilter& filter, std::uint64_t number) {
   const std::string digits = absl::StrCat(absl::Hex(number, absl::kZeroPad16));
   return absl::StrCat(digits, Sha256Hex(absl::StrCat(digits, Canonical(filter)))
                                   .substr(0, kChecksumDigits));
+}
+
+void FillPage(const std::vector<JobSnapshot>& jobs, const JobFilter& filter,
+              int page_size, v1::ListJobsResponse& response) {
+  constexpr size_t kFieldBytes = 8;  // of each job, beside its own
+  size_t bytes = 0;
+  std::uint64_t last_number = 0;
+  for (const JobSnapshot& snapshot : jobs) {
+    v1::Job job = ToProto(snapshot);
+    // Thousands of them for each job would not fit one answer.
+    if (job.has_result()) job.mutable_result()->clear_landmarks();
+    bytes += job.ByteSizeLong() + kFieldBytes;
+    const bool is_full = response.jobs_size() == page_size ||
+                         (response.jobs_size() > 0 && bytes > kPageBytes);
+    if (is_full) {
+      response.set_next_page_token(MakePageToken(filter, last_number));
+      return;
+    }
+    last_number = snapshot.record.number;
+    *response.add_jobs() = std::move(job);
+  }
 }
 
 absl::StatusOr<JobFilter> ParseListJobs(const v1::ListJobsRequest& request) {

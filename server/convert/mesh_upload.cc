@@ -32,7 +32,7 @@ absl::Status MeshUpload::Begin(const v1::UploadMeshRequest& request) {
       ValidateDigest(request.header(), "header", parts_.limits));
   digest_ = request.header();
   key_.sha256 = digest_.sha256();
-  known_ = parts_.blobs->Has(key_);
+  known_ = parts_.blobs->HasWhole(key_);  // or it would stay damaged
   stage_ = known_ ? Stage::kOver : Stage::kReceiving;
   return known_ ? absl::OkStatus() : ContinueAt(request.offset());
 }

@@ -52,8 +52,12 @@ absl::StatusOr<absl::string_view> FindBytes(
   if (size > most - held_bytes) {
     return MeshesNeedMoreMemory(held_bytes + size, most);
   }
-  held = context.blobs->Get({tenant, digest.sha256()});
-  if (held == nullptr) return MeshMissing(path, digest.sha256());
+  auto blob = context.blobs->Get({tenant, digest.sha256()});
+  if (absl::IsNotFound(blob.status())) {
+    return MeshMissing(path, digest.sha256());
+  }
+  if (!blob.ok()) return ContentUnavailable(path, blob.status());
+  held = *std::move(blob);
   if (digest.size_bytes() != held->size()) {
     return InvalidField(
         path + ".size_bytes",

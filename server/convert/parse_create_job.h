@@ -24,7 +24,8 @@ struct ParseContext {
 /// all checked; request_sha256 and inputs are left empty. Errors name the
 /// field: INVALID_ARGUMENT (INVALID_FIELD, MESH_MALFORMED, MESH_TOO_LARGE,
 /// MATCH_OUT_OF_RANGE, LANDMARKS_CONTRADICT), FAILED_PRECONDITION
-/// (MESH_MISSING, JOB_NEEDS_MORE_MEMORY_THAN_BUDGET).
+/// (MESH_MISSING, JOB_NEEDS_MORE_MEMORY_THAN_BUDGET), UNAVAILABLE
+/// (CONTENT_UNAVAILABLE).
 absl::StatusOr<JobSpec> ParseCreateJob(const v1::CreateJobRequest& request,
                                        const ParseContext& context,
                                        const std::string& tenant);

@@ -67,11 +67,12 @@ std::vector<JobInput> MakeJobInputs(v1::CreateJobRequest request) {
 absl::StatusOr<JobSpec> LoadJobSpec(const JobRecord& record,
                                     const ParseContext& context) {
   v1::CreateJobRequest request;
-  const BlobStore::Blob bytes =
-      record.inputs.empty()
-          ? nullptr
-          : context.blobs->Get({record.tenant, record.inputs.front()});
-  if (bytes == nullptr || !request.ParseFromString(*bytes)) {
+  if (record.inputs.empty()) return ContentLost(record.id, "request");
+  const auto bytes = context.blobs->Get({record.tenant, record.inputs.front()});
+  if (!bytes.ok() && !absl::IsNotFound(bytes.status())) {
+    return ContentUnavailable("request", bytes.status());
+  }
+  if (!bytes.ok() || !request.ParseFromString(**bytes)) {
     return ContentLost(record.id, "request");
   }
   ISOMATCH_ASSIGN_OR_RETURN(JobSpec spec,

@@ -20,7 +20,8 @@ std::string RequestSha256(const v1::CreateJobRequest& request);
 std::vector<JobInput> MakeJobInputs(v1::CreateJobRequest request);
 
 /// Reads a job again from its inputs. DATA_LOSS (CONTENT_LOST) when the request
-/// is not there; errors of ParseCreateJob, MESH_MISSING among them.
+/// is not there; errors of ParseCreateJob, MESH_MISSING and
+/// CONTENT_UNAVAILABLE among them.
 absl::StatusOr<JobSpec> LoadJobSpec(const JobRecord& record,
                                     const ParseContext& context);
 

@@ -16,10 +16,13 @@ namespace {
 constexpr char kReason[] = "isomatch/reason";
 constexpr char kField[] = "isomatch/field";
 constexpr char kRetryAfter[] = "isomatch/retry_after";
+constexpr char kStorageFailed[] = "STORAGE_FAILED";
+constexpr char kContentUnavailable[] = "CONTENT_UNAVAILABLE";
 constexpr char kMetadata[] = "isomatch/metadata/";
 
 /// Disks fill and empty slowly.
 constexpr absl::Duration kRetryStorageFailed = absl::Seconds(10);
+constexpr absl::Duration kRetryContentUnavailable = absl::Seconds(5);
 constexpr absl::Duration kRetryOutOfMemory = absl::Seconds(5);
 constexpr absl::Duration kRetryStorageQuota = absl::Seconds(10);
 
@@ -189,7 +192,7 @@ absl::Status StorageFailed(const absl::Status& problem) {
   const absl::StatusCode code = absl::IsResourceExhausted(problem)
                                     ? problem.code()
                                     : absl::StatusCode::kUnavailable;
-  return WithRetry(Make(code, "STORAGE_FAILED",
+  return WithRetry(Make(code, kStorageFailed,
                         absl::StrCat("the server cannot store the job: ",
                                      problem.message())),
                    kRetryStorageFailed);
@@ -296,6 +299,23 @@ absl::Status ContentLost(const std::string& id, const std::string& what) {
                            " is damaged or not there any more; create the job "
                            "again"),
               {{"job", absl::StrCat("jobs/", id)}, {"what", what}});
+}
+
+absl::Status ContentUnavailable(const std::string& what,
+                                const absl::Status& problem) {
+  return WithRetry(Make(absl::StatusCode::kUnavailable, kContentUnavailable,
+                        absl::StrCat("the ", what, " cannot be read just now: ",
+                                     problem.message()),
+                        {{"what", what}}),
+                   kRetryContentUnavailable);
+}
+
+bool IsStorageFailed(const absl::Status& status) {
+  return status.GetPayload(kReason) == absl::Cord(kStorageFailed);
+}
+
+bool IsContentUnavailable(const absl::Status& status) {
+  return status.GetPayload(kReason) == absl::Cord(kContentUnavailable);
 }
 
 absl::Status QueueTimeout(absl::Duration limit) {

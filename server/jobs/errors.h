@@ -80,11 +80,13 @@ absl::Status Draining(absl::Duration retry_after);  // UNAVAILABLE
 absl::Status CrashedRepeatedly(int attempts);       // INTERNAL
 absl::Status ContentLost(const std::string& id,     // DATA_LOSS
                          const std::string& what);
-absl::Status Unresponsive(int faults);            // INTERNAL
+absl::Status Unresponsive(int faults);                    // INTERNAL
+absl::Status ContentUnavailable(const std::string& what,  // UNAVAILABLE
+                                const absl::Status& problem);
 absl::Status QueueTimeout(absl::Duration limit);  // DEADLINE_...
 absl::Status RunTimeout(absl::Duration limit,     // DEADLINE_...
                         bool is_servers);
-absl::Status UploadIdle(absl::Duration limit,     // DEADLINE_...
+absl::Status UploadIdle(absl::Duration limit,  // DEADLINE_...
                         std::int64_t bytes_per_second);
 absl::Status JobNotFound(const std::string& id);       // NOT_FOUND
 absl::Status ResultPartMissing(const std::string& id,  // NOT_FOUND
@@ -92,6 +94,11 @@ absl::Status ResultPartMissing(const std::string& id,  // NOT_FOUND
 absl::Status RequestIdReused(const std::string& request_id);  // ALREADY_EXISTS
 absl::Status OffsetOutOfRange(std::uint64_t offset,           // OUT_OF_RANGE
                               std::int64_t size_bytes);
+
+// Whether it is a StorageFailed, a ContentUnavailable: the same may succeed
+// later.
+bool IsStorageFailed(const absl::Status& status);
+bool IsContentUnavailable(const absl::Status& status);
 
 /// What a client's program may use of an error, beside its code and message.
 struct ErrorDetails {

@@ -69,6 +69,7 @@ class JobManager::Seat {
 JobManager::JobManager(const Limits& limits, const Parts& parts)
     : limits_(limits),
       parts_(parts),
+      gate_(MakeGateParts()),
       guard_(limits.unwatched_grace, parts.timers, &watchers_,
              [this](const std::string& id) {
                (void)Stop(id, JobState::kCancelled);
@@ -125,9 +126,10 @@ absl::StatusOr<JobPart> JobManager::GetPart(const Caller& caller,
   }
   const StoredPart* const stored = FindPart(*record.result, part);
   if (stored == nullptr) return ResultPartMissing(id, part);
-  BlobStore::Blob bytes = parts_.blobs->Get({record.tenant, stored->sha256});
-  if (bytes != nullptr) {
-    return JobPart{*record.result, *stored, std::move(bytes)};
+  auto bytes = parts_.blobs->Get({record.tenant, stored->sha256});
+  if (bytes.ok()) return JobPart{*record.result, *stored, *std::move(bytes)};
+  if (!absl::IsNotFound(bytes.status())) {
+    return ContentUnavailable("result", bytes.status());
   }
   // Deleted a moment ago, unless it still is there.
   ISOMATCH_RETURN_IF_ERROR(Find(caller, id).status());
@@ -138,7 +140,8 @@ JobManager::Load JobManager::load() const {
   MutexLock lock(mutex_);
   // One that comes back while it is being given up is counted below zero.
   const int stuck = std::max(stuck_, 0);
-  return {queue_.size(), running_ - stuck, stuck, draining_};
+  return {queue_.size(), running_ - stuck,   stuck,
+          draining_,     queue_.CountHeld(), gate_.is_open()};
 }
 
 std::map<std::int32_t, int> JobManager::queued_by_priority() const {
@@ -147,10 +150,14 @@ std::map<std::int32_t, int> JobManager::queued_by_priority() const {
 }
 
 JobSnapshot JobManager::SnapshotOf(JobRecord record) const {
-  JobSnapshot snapshot{std::move(record), 0};
-  if (snapshot.record.state == JobState::kQueued) {
-    MutexLock lock(mutex_);
-    snapshot.queue_position = queue_.JobsAhead(snapshot.record.id);
+  JobSnapshot snapshot{std::move(record)};
+  if (snapshot.record.state != JobState::kQueued) return snapshot;
+  if (!gate_.is_open()) snapshot.waiting_for = WaitReason::kStorage;
+  MutexLock lock(mutex_);
+  snapshot.queue_position = queue_.JobsAhead(snapshot.record.id);
+  const auto live = live_.find(snapshot.record.id);
+  if (live != live_.end() && live->second->is_held) {
+    snapshot.waiting_for = WaitReason::kInputs;
   }
   return snapshot;
 }
@@ -331,22 +338,27 @@ void JobManager::Enqueue(const JobRecord& record) {
           FailIfStill(JobState::kQueued, id, QueueTimeout(*limit));
         });
   }
+  Push(live);
+}
+
+void JobManager::Push(const std::shared_ptr<LiveJob>& live) {
+  const std::string& id = live->id;
   bool too_late = false;
   {
     MutexLock lock(mutex_);
     too_late = draining_;
     if (!too_late) {
-      live_[record.id] = live;
+      live_[id] = live;
       queue_.Push(live);
     }
   }
   if (too_late) {
-    guard_.Release(record.id);
-    if (!limits_.durable) (void)Stop(record.id, JobState::kCancelled);
+    guard_.Release(id);
+    if (!limits_.durable) (void)Stop(id, JobState::kCancelled);
     return;
   }
-  const std::optional<JobRecord> now = parts_.jobs->Get(record.id);
-  if (!now || IsTerminal(now->state)) Unqueue(record.id);  // ended meanwhile
+  const std::optional<JobRecord> now = parts_.jobs->Get(id);
+  if (!now || IsTerminal(now->state)) Unqueue(id);  // ended meanwhile
   Dispatch();
 }
 
@@ -474,20 +486,6 @@ void JobManager::UnpinParts(const std::string& tenant,
 void JobManager::UnpinInputs(const JobRecord& record) {
   for (const std::string& sha256 : record.inputs) {
     parts_.blobs->Unpin({record.tenant, sha256});
-  }
-}
-
-void JobManager::Prune() {
-  Forget(parts_.jobs->Prune(
-      {.max_jobs = limits_.max_kept_jobs,
-       .max_jobs_per_tenant = limits_.tenant.kept_jobs,
-       .max_result_bytes = limits_.max_result_bytes,
-       .ended_before = parts_.now() - limits_.job_retention}));
-}
-
-void JobManager::Forget(const std::vector<JobRecord>& removed) {
-  for (const JobRecord& record : removed) {
-    if (record.result) UnpinParts(record.tenant, *record.result);
   }
 }
 

@@ -22,7 +22,9 @@
 #include "server/jobs/job_runner.h"
 #include "server/jobs/job_spec.h"
 #include "server/jobs/memory_budget.h"
+#include "server/jobs/retention_clock.h"
 #include "server/jobs/running_jobs.h"
+#include "server/jobs/storage_gate.h"
 #include "server/jobs/tenant_limits.h"
 #include "server/jobs/watchers.h"
 #include "server/storage/blob_store.h"
@@ -31,11 +33,19 @@
 
 namespace isomatch {
 
+/// What a QUEUED job waits for. Numbered as Job.WaitReason of the API.
+enum class WaitReason {
+  kTurn = 0,     ///< a worker slot and memory
+  kStorage = 1,  ///< results cannot be stored for now
+  kInputs = 2,   ///< its meshes or its request cannot be read for now
+};
+
 /// A job as it is now.
 struct JobSnapshot {
   JobRecord record;
   /// Jobs ahead of it while QUEUED.
   int queue_position = 0;
+  WaitReason waiting_for = WaitReason::kTurn;
 };
 
 /// A part of a result, to be downloaded.
@@ -63,6 +73,10 @@ struct JobPart {
 ///
 /// A job that is cancelled or timed out is terminal at once, whatever its
 /// worker does; the slot and the memory come back when the match has returned.
+///
+/// A job whose result the disk refuses, or whose inputs cannot be read just
+/// now, goes back to QUEUED and starts again when that is over; its attempt
+/// does not count. While results cannot be stored no job starts.
 ///
 /// With durable stores, jobs go back to QUEUED when the server stops, or starts
 /// again after a crash, and run then; without, they become CANCELLED.
@@ -144,6 +158,11 @@ class JobManager {
     std::function<absl::StatusOr<JobSpec>(const JobRecord&)> load_spec;
     /// Told of every change of state, for the log. May be empty.
     std::function<void(const JobRecord&)> on_state;
+    /// Told why results cannot be stored, then OK when they can again. May be
+    /// empty.
+    std::function<void(const absl::Status&)> on_storage = {};
+    /// Null: the clock is always believed.
+    RetentionClock* retention_clock = nullptr;
 
     // The watch; there is none when `watch` is null.
 
@@ -165,6 +184,10 @@ class JobManager {
     int running_jobs;
     int stuck_jobs;
     bool draining;
+    /// Those of the queued that wait for their inputs.
+    int held_jobs;
+    /// Whether results can be stored, as far as is known.
+    bool can_store;
   };
 
   JobManager(const Limits& limits, const Parts& parts);
@@ -212,11 +235,14 @@ class JobManager {
   absl::StatusOr<JobSnapshot> Cancel(const Caller& caller,
                                      const std::string& id);
 
-  /// Forgets a terminal job. NOT_FOUND; FAILED_PRECONDITION (JOB_NOT_TERMINAL).
+  /// Forgets a terminal job and removes its result, its request and the meshes
+  /// that no other job of its tenant names. NOT_FOUND; FAILED_PRECONDITION
+  /// (JOB_NOT_TERMINAL).
   absl::Status Delete(const Caller& caller, const std::string& id);
 
   /// Returns a part of the result. NOT_FOUND (JOB_NOT_FOUND,
-  /// RESULT_PART_MISSING); FAILED_PRECONDITION (JOB_NOT_SUCCEEDED).
+  /// RESULT_PART_MISSING); FAILED_PRECONDITION (JOB_NOT_SUCCEEDED); DATA_LOSS
+  /// (CONTENT_LOST); UNAVAILABLE (CONTENT_UNAVAILABLE).
   absl::StatusOr<JobPart> GetPart(const Caller& caller, const std::string& id,
                                   ResultPart part) const;
 
@@ -257,6 +283,7 @@ class JobManager {
                            std::vector<JobInput> inputs);
   absl::Status StoreInput(const std::string& tenant, JobInput& input);
   void Enqueue(const JobRecord& record);
+  void Push(const std::shared_ptr<LiveJob>& live);
 
   // One that was there before.
   void PinBlobs(const JobRecord& record);
@@ -273,7 +300,8 @@ class JobManager {
                                      const JobRecord& record);
   void ReportProgress(const std::string& id, const JobProgress& progress);
   void FailToStart(const std::string& id, const absl::Status& error);
-  /// True when the job went back to the queue: it was asked to stop.
+  /// True when the job went back to the queue: it was asked to
+  /// stop, or waits for the disk.
   bool Finish(const LiveJob& live, const JobRecord& record,
               absl::StatusOr<RunOutcome> outcome);
   bool PutBack(const std::string& id);
@@ -287,6 +315,14 @@ class JobManager {
   /// Unless its state is another than the record's by now.
   void Fail(const JobRecord& record, const absl::Status& error);
   void ReleaseSlot(const std::shared_ptr<LiveJob>& live);
+
+  // Waiting for the disk.
+  StorageGate::Parts MakeGateParts();
+  /// Makes the job QUEUED again if `error` may pass; false if not.
+  bool WaitForStorage(const JobRecord& record, std::int64_t result_bytes,
+                      const absl::Status& error);
+  void Requeue(const std::shared_ptr<LiveJob>& live, bool is_held);
+  void LetStart(const std::weak_ptr<LiveJob>& weak);
 
   // Ending it early.
   absl::Status Stop(const std::string& id, JobState to, const Edit& edit = {});
@@ -334,11 +370,14 @@ class JobManager {
   /// Forgets the jobs that are too old or too many.
   void Prune();
 
-  /// Lets go of the results of jobs that are gone.
+  /// Removes the results of jobs that are gone, and their requests.
   void Forget(const std::vector<JobRecord>& removed);
+  /// Also the meshes that no other job names.
+  void RemoveMeshes(const JobRecord& removed);
 
   const Limits limits_;
   const Parts parts_;
+  StorageGate gate_;
   Watchers watchers_{[this](const std::string& id) { guard_.OnUnwatched(id); }};
   DisconnectGuard guard_;
 

@@ -30,7 +30,7 @@ void JobManager::Dispatch() {
 
 std::shared_ptr<LiveJob> JobManager::TakeNext() {
   MutexLock lock(mutex_);
-  const bool may_start = !draining_ && !is_beginning_;
+  const bool may_start = !draining_ && !is_beginning_ && gate_.is_open();
   if (!may_start || running_ - stuck_ >= limits_.workers) return nullptr;
   std::shared_ptr<LiveJob> live = queue_.PopFitting(*parts_.budget);
   if (live != nullptr) ++running_;
@@ -41,16 +41,22 @@ void JobManager::Run(const std::shared_ptr<LiveJob>& live) {
   runs_.Begin(live->id);
   if (live->stop.stop_requested()) runs_.OnAskedToStop(live->id);
   bool is_back = false;
+  bool is_held = false;
   const auto record = WithinMemory([&] { return Start(*live); });
   if (record.ok()) {
-    is_back = Finish(*live, *record,
-                     WithinMemory([&] { return Execute(*live, *record); }));
+    auto outcome = WithinMemory([&] { return Execute(*live, *record); });
+    is_held = IsContentUnavailable(outcome.status());
+    is_back = Finish(*live, *record, std::move(outcome));
   } else if (absl::IsResourceExhausted(record.status())) {
     FailToStart(live->id, record.status());
   }
   ReleaseSlot(live);
   WhenThereIsMemory([&] {
-    if (is_back) EnqueueAgain(live->id);
+    if (is_back && live->stop.stop_requested()) {
+      EnqueueAgain(live->id);
+    } else if (is_back) {
+      Requeue(live, is_held);
+    }
     Dispatch();
   });
 }
@@ -118,7 +124,11 @@ void JobManager::FailToStart(const std::string& id, const absl::Status& error) {
 bool JobManager::Finish(const LiveJob& live, const JobRecord& record,
                         absl::StatusOr<RunOutcome> outcome) {
   absl::Status status = outcome.status();
+  std::int64_t bytes = 0;
   if (status.ok()) {
+    for (const EncodedPart& part : outcome->parts) {
+      bytes += static_cast<std::int64_t>(part.bytes.size());
+    }
     status = WithinMemory([&] { return Succeed(record, *std::move(outcome)); });
   }
   // Both are refused when it was cancelled, timed out or given up before.
@@ -128,7 +138,8 @@ bool JobManager::Finish(const LiveJob& live, const JobRecord& record,
       if (live.stop.stop_requested()) {
         is_back = PutBack(record.id);
       } else {
-        Fail(record, status);
+        is_back = WaitForStorage(record, bytes, status);
+        if (!is_back) Fail(record, status);
       }
     });
   }
@@ -249,7 +260,8 @@ absl::Status JobManager::Delete(const Caller& caller, const std::string& id) {
     return JobIsNotTerminal(id, record.state);
   }
   if (!removed.ok()) return StorageFailed(removed.status());
-  Forget({*std::move(removed)});
+  Forget({*removed});
+  RemoveMeshes(*removed);
   watchers_.Notify(id);
   return absl::OkStatus();
 }
@@ -319,6 +331,7 @@ void JobManager::BeginDrain() {
     draining_ = true;
     retention = std::move(retention_timer_);
   }
+  gate_.Stop();
   while (true) {
     std::shared_ptr<LiveJob> queued;
     {

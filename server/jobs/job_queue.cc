@@ -35,6 +35,7 @@ std::shared_ptr<LiveJob> JobQueue::PopFitting(MemoryBudget& budget) {
   std::shared_ptr<LiveJob> next;
   std::vector<LiveJob*> passed;
   Walk([&](const Job& job) {
+    if (job->is_held) return true;
     if (tenants_[job->tenant].running >= max_running_per_tenant_) return true;
     auto reservation = budget.Reserve(job->memory_estimate_bytes);
     if (reservation.ok()) {
@@ -92,6 +93,12 @@ int JobQueue::JobsAhead(const std::string& id) const {
     });
   }
   return positions_.at(id);
+}
+
+int JobQueue::CountHeld() const {
+  return static_cast<int>(
+      std::count_if(by_id_.begin(), by_id_.end(),
+                    [](const auto& entry) { return entry.second->is_held; }));
 }
 
 std::map<std::int32_t, int> JobQueue::CountByPriority() const {

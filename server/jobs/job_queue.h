@@ -41,6 +41,9 @@ struct LiveJob {
   Turn turn;
   MemoryBudget::Reservation reservation;
   std::stop_source stop;
+  /// It does not start for now; how often that was so.
+  bool is_held = false;
+  int times_held = 0;
   /// Of the queue timeout, then of the run timeout.
   Executor::Timer timer;
 
@@ -69,7 +72,7 @@ struct LiveJob {
 /// A job which fits the memory budget may pass those before it that do not fit
 /// yet - each of them `max_passes` times at most, so that a large job is not
 /// passed for ever. A tenant of which `max_running_per_tenant` jobs run starts
-/// none.
+/// none. One that is held is passed by all.
 ///
 /// Remembers every tenant that came; there are as many as API keys.
 ///
@@ -107,6 +110,9 @@ class JobQueue {
   int JobsAhead(const std::string& id) const;
 
   int size() const { return static_cast<int>(by_id_.size()); }
+
+  /// How many of the jobs are held.
+  int CountHeld() const;
 
   /// How many jobs wait, by priority.
   std::map<std::int32_t, int> CountByPriority() const;

@@ -31,9 +31,10 @@ std::optional<PreparedShape> PreparedCache::FindInMemory(const BlobKey& key,
 
 std::optional<PreparedShape> PreparedCache::FindOnDisk(
     const BlobKey& key, const std::stop_token& stop) {
-  const BlobStore::Blob bytes = disk_ == nullptr ? nullptr : disk_->Get(key);
-  if (bytes != nullptr) {
-    auto parsed = ParsePreparedShape(*bytes, stop);
+  const auto bytes = disk_ == nullptr ? absl::StatusOr<BlobStore::Blob>(nullptr)
+                                      : disk_->Get(key);
+  if (bytes.ok() && *bytes != nullptr) {
+    auto parsed = ParsePreparedShape(**bytes, stop);
     if (parsed.ok()) {
       Insert(key, *parsed, /*is_on_disk=*/true);
       MutexLock lock(mutex_);

@@ -49,6 +49,9 @@ struct LoadFigures {
   int queued_low = 0;
   int queued_normal = 0;
   int queued_high = 0;
+  /// Of the queued ones: those that wait for room, for their inputs.
+  int held_for_storage = 0;
+  int held_for_inputs = 0;
   int running_jobs = 0;
   int stuck_workers = 0;
   int watchers = 0;

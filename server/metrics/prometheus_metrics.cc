@@ -74,6 +74,22 @@ MetricFamily QueuedJobs(const LoadFigures& load) {
   return family;
 }
 
+/// Jobs that cannot start although it may be their turn.
+MetricFamily HeldJobs(const LoadFigures& load) {
+  MetricFamily family;
+  family.name = "isomatch_jobs_held";
+  family.help = "Jobs of the queue that wait for the disk, by what it refuses";
+  family.type = prometheus::MetricType::Gauge;
+  for (const auto& [reason, count] :
+       {std::pair("storage", load.held_for_storage),
+        std::pair("inputs", load.held_for_inputs)}) {
+    family.metric.emplace_back();
+    family.metric.back().label = {{"reason", reason}};
+    family.metric.back().gauge.value = count;
+  }
+  return family;
+}
+
 /// A counter by where prepared meshes were found.
 MetricFamily PreparedTotal(const LoadFigures& load) {
   MetricFamily family;
@@ -104,6 +120,7 @@ class LoadCollector final : public prometheus::Collectable {
     };
     return {
         QueuedJobs(load),
+        HeldJobs(load),
         MakeGauge("jobs_running", "Jobs that have a worker", load.running_jobs),
         MakeGauge("workers_stuck",
                   "Workers whose jobs were asked to stop and do not",

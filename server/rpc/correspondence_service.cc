@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <limits>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <grpcpp/support/proto_buffer_reader.h>
@@ -124,20 +125,9 @@ absl::Status Get(const v1::GetJobRequest& request, const Caller& caller,
 absl::Status List(const v1::ListJobsRequest& request, const Caller& caller,
                   const JobManager& manager, v1::ListJobsResponse& response) {
   ISOMATCH_ASSIGN_OR_RETURN(JobFilter filter, ParseListJobs(request));
-  const auto page_size = static_cast<size_t>(filter.limit);
+  const int page_size = filter.limit;
   ++filter.limit;  // one more tells whether there is a next page
-  std::vector<JobSnapshot> jobs = manager.List(caller, filter);
-  if (jobs.size() > page_size) {
-    jobs.pop_back();
-    response.set_next_page_token(
-        MakePageToken(filter, jobs.back().record.number));
-  }
-  for (const JobSnapshot& snapshot : jobs) {
-    v1::Job& job = *response.add_jobs();
-    job = ToProto(snapshot);
-    // Thousands of them for each job would not fit one answer.
-    if (job.has_result()) job.mutable_result()->clear_landmarks();
-  }
+  FillPage(manager.List(caller, filter), filter, page_size, response);
   return absl::OkStatus();
 }
 

@@ -42,6 +42,14 @@ absl::StatusOr<std::list<BlobIndex::Entry>> BlobIndex::MakeRoom(
   return TakeOut(victims);
 }
 
+std::int64_t BlobIndex::RoomBytes() const {
+  std::int64_t bytes = capacity_bytes_ - size_bytes_;
+  for (const Entry& entry : entries_) {
+    if (MayGo(entry)) bytes += entry.bytes;
+  }
+  return bytes;
+}
+
 absl::StatusOr<std::list<BlobIndex::Entry>> BlobIndex::MakeTenantRoom(
     const BlobKey& key, std::int64_t bytes, std::int64_t limit) {
   const auto own = by_key_.find(key);
@@ -88,7 +96,15 @@ BlobIndex::Entry& BlobIndex::Add(Entry entry) {
   by_key_.emplace(added.front().key, added.begin());
   entries_.splice(entries_.begin(), added);
   size_bytes_ += entries_.front().bytes;
+  entries_.front().version = ++last_version_;
   return entries_.front();
+}
+
+void BlobIndex::Renew(Entry& entry, std::int64_t bytes) {
+  size_bytes_ += bytes - entry.bytes;
+  entry.bytes = bytes;
+  entry.is_damaged = false;
+  entry.version = ++last_version_;
 }
 
 void BlobIndex::Remove(const BlobKey& key) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <list>
 #include <map>
@@ -24,6 +25,10 @@ class BlobIndex {
     int pins = 0;
     /// The bytes are lost until somebody puts them again.
     bool is_damaged = false;
+    /// Another one each time that the bytes were put.
+    std::uint64_t version = 0;
+    /// When they were last read and found whole.
+    std::chrono::steady_clock::time_point whole_at = {};
     /// The bytes as long as somebody has them.
     std::weak_ptr<const std::string> held = {};
     /// The bytes, in a store that has them nowhere else.
@@ -41,6 +46,9 @@ class BlobIndex {
   /// they cannot; nothing is taken out then.
   absl::StatusOr<std::list<Entry>> MakeRoom(std::int64_t bytes);
 
+  /// The most that MakeRoom makes.
+  std::int64_t RoomBytes() const;
+
   /// The same of the entries of the key's tenant, until its others and `bytes`
   /// for this one are at most `limit`. What is there undamaged needs no room.
   absl::StatusOr<std::list<Entry>> MakeTenantRoom(const BlobKey& key,
@@ -50,6 +58,9 @@ class BlobIndex {
   /// Adds an entry as the most recently used one.
   /// REQUIRES: the key is new.
   Entry& Add(Entry entry);
+
+  /// The bytes of an entry that is there were put again, this many now.
+  void Renew(Entry& entry, std::int64_t bytes);
 
   /// Takes an entry out; nothing when it is not there.
   void Remove(const BlobKey& key);
@@ -70,6 +81,7 @@ class BlobIndex {
   std::list<Entry> entries_;
   std::map<BlobKey, std::list<Entry>::iterator> by_key_;
   std::int64_t size_bytes_ = 0;
+  std::uint64_t last_version_ = 0;
 };
 
 }  // namespace isomatch

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "absl/status/status.h"
+#include "absl/status/statusor.h"
 #include "core/base/mutex.h"
 
 namespace isomatch {
@@ -39,7 +40,8 @@ class BlobStore {
 
   virtual ~BlobStore() = default;
 
-  /// Stores `bytes`; content that is there already is kept once.
+  /// Stores `bytes`; content that is there already, and undamaged, is kept
+  /// once.
   /// REQUIRES: key.sha256 == Sha256Hex(bytes). RESOURCE_EXHAUSTED: there is no
   /// room even without all that may go. UNAVAILABLE: the disk refuses.
   virtual absl::Status Put(const BlobKey& key, std::string bytes,
@@ -56,14 +58,20 @@ class BlobStore {
   /// Takes back one kPinned; nothing when there is none.
   virtual void Unpin(const BlobKey& key) = 0;
 
-  /// Returns the bytes, or null. Counts as a use.
-  virtual Blob Get(const BlobKey& key) = 0;
+  /// Returns the bytes, never null. Counts as a use. NOT_FOUND: they are not
+  /// there, or damaged, until somebody puts them again; UNAVAILABLE: they are,
+  /// as far as is known, but cannot be read just now.
+  virtual absl::StatusOr<Blob> Get(const BlobKey& key) = 0;
 
   /// Removes what is not pinned; nothing when it is not there.
   virtual void Remove(const BlobKey& key) = 0;
 
-  /// Whether Get would find it. Counts as a use.
+  /// Whether it is there, as far as is known without reading it. Counts as a
+  /// use.
   virtual bool Has(const BlobKey& key) = 0;
+
+  /// As Has, but reads it first, unless that was done a moment ago.
+  virtual bool HasWhole(const BlobKey& key) { return Has(key); }
 
   /// Removes blobs of the key's tenant that are neither pinned nor in use, the
   /// least recently used first, until its others and `bytes` for this one are
@@ -71,6 +79,15 @@ class BlobStore {
   /// removed, when that cannot be.
   virtual bool MakeTenantRoom(const BlobKey& key, std::int64_t bytes,
                               std::int64_t limit) = 0;
+
+  /// Whether Put would find this much room by removing what may go, wherever
+  /// the bytes are kept.
+  virtual bool CanMakeRoom(std::int64_t bytes) const = 0;
+
+  /// Writes as many bytes and removes them again. Errors as Put.
+  virtual absl::Status TryWriting(std::int64_t /*bytes*/) {
+    return absl::OkStatus();
+  }
 
   /// Bytes of all blobs.
   virtual std::int64_t size_bytes() const = 0;

@@ -3,9 +3,11 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <chrono>
 #include <filesystem>
 #include <list>
 #include <new>
+#include <optional>
 #include <system_error>
 #include <utility>
 #include <vector>
@@ -22,8 +24,16 @@ namespace fs = std::filesystem;
 /// Half-written files, which no tenant can be called.
 constexpr char kTemporaryFolder[] = ".tmp";
 
-/// How often a file is written that others remove before it is counted.
+/// How often a file is written that others remove before it is counted, and
+/// read that others write meanwhile.
 constexpr int kTries = 3;
+
+/// What is tried beyond the bytes asked for: folders and records take some,
+/// too.
+constexpr std::int64_t kTryMore = 64 << 10;
+
+/// How long a blob that was read counts as whole without being read again.
+constexpr auto kFresh = std::chrono::minutes(1);
 
 struct FoundFile {
   BlobKey key;
@@ -31,27 +41,51 @@ struct FoundFile {
   fs::file_time_type written;
 };
 
-/// The blobs in the folder, oldest first. Whatever else is there is left alone.
-absl::StatusOr<std::vector<FoundFile>> FilesIn(const std::string& folder) {
-  std::vector<FoundFile> files;
+/// The file of a blob; nullopt for whatever else is there, which is left alone,
+/// and for what cannot be looked at: it is found again when it is put again.
+std::optional<FoundFile> Look(const fs::directory_entry& entry) {
+  const fs::path& path = entry.path();
   std::error_code error;
-  fs::recursive_directory_iterator entry(folder, error);
-  for (; !error && entry != fs::recursive_directory_iterator();
-       entry.increment(error)) {
-    const fs::path& path = entry->path();
-    if (!entry->is_regular_file(error) ||
-        !IsSha256Hex(path.filename().string())) {
-      continue;
-    }
-    files.push_back(
-        {{path.parent_path().parent_path().filename(), path.filename()},
-         static_cast<std::int64_t>(entry->file_size(error)),
-         entry->last_write_time(error)});
+  if (!IsSha256Hex(path.filename().string()) || !entry.is_regular_file(error)) {
+    return std::nullopt;
   }
+  const auto bytes = static_cast<std::int64_t>(entry.file_size(error));
+  if (error) return std::nullopt;
+  const fs::file_time_type written = entry.last_write_time(error);
+  if (error) return std::nullopt;
+  return FoundFile{
+      {path.parent_path().parent_path().filename(), path.filename()},
+      bytes,
+      written};
+}
+
+/// Calls `visit` with what is in the folder; nothing when that cannot be read.
+template <typename Visit>
+void ForEachIn(const fs::path& folder, const Visit& visit) {
+  std::error_code error;
+  fs::directory_iterator entry(folder, error);
+  while (!error && entry != fs::directory_iterator()) {
+    visit(*entry);
+    entry.increment(error);
+  }
+}
+
+/// The blobs in the folder, oldest first.
+absl::StatusOr<std::vector<FoundFile>> FilesIn(const std::string& folder) {
+  std::error_code error;
+  const fs::directory_iterator readable(folder, error);
   if (error) {
     return absl::UnavailableError(
         absl::StrCat("cannot read the folder ", folder, ": ", error.message()));
   }
+  std::vector<FoundFile> files;
+  ForEachIn(folder, [&](const fs::path& tenant) {
+    ForEachIn(tenant, [&](const fs::path& digits) {
+      ForEachIn(digits, [&](const fs::directory_entry& entry) {
+        if (auto file = Look(entry)) files.push_back(*std::move(file));
+      });
+    });
+  });
   std::sort(files.begin(), files.end(), [](const auto& a, const auto& b) {
     return a.written != b.written ? a.written < b.written : a.key < b.key;
   });
@@ -99,15 +133,12 @@ std::string DirectoryBlobStore::PathOf(const BlobKey& key) const {
 absl::Status DirectoryBlobStore::Put(const BlobKey& key, std::string bytes,
                                      Keep keep) {
   const int pins = keep == Keep::kPinned ? 1 : 0;
+  if (PutAgain(key, bytes, pins)) return absl::OkStatus();
   auto size = static_cast<std::int64_t>(bytes.size());
   {
     MutexLock lock(mutex_);
-    BlobIndex::Entry* entry = index_.Touch(key);
-    if (entry != nullptr && !entry->is_damaged) {
-      entry->pins += pins;
-      return absl::OkStatus();
-    }
-    if (entry != nullptr) size = 0;  // it has its room
+    const BlobIndex::Entry* entry = index_.Touch(key);  // has some room
+    if (entry != nullptr) size = std::max<std::int64_t>(0, size - entry->bytes);
   }
   ISOMATCH_RETURN_IF_ERROR(TakeRoom(size));
   for (int tries = 0; tries < kTries; ++tries) {
@@ -130,12 +161,32 @@ bool DirectoryBlobStore::AddWritten(const BlobKey& key,
   if (entry == nullptr) {
     // Or put it and lost it again, and this file with it.
     if (access(PathOf(key).c_str(), F_OK) != 0) return false;
-    entry = &index_.Add(
-        {.key = key, .bytes = static_cast<std::int64_t>(bytes.size())});
+    entry = &index_.Add({.key = key});
   }
-  entry->is_damaged = false;
+  index_.Renew(*entry, static_cast<std::int64_t>(bytes.size()));
   entry->pins += pins;
   return true;
+}
+
+bool DirectoryBlobStore::PutAgain(const BlobKey& key, absl::string_view bytes,
+                                  int pins) {
+  std::uint64_t version = 0;
+  {
+    MutexLock lock(mutex_);
+    BlobIndex::Entry* entry = index_.Touch(key);
+    if (entry == nullptr || entry->is_damaged) return false;
+    ++entry->pins;  // so that it stays meanwhile
+    version = entry->version;
+  }
+  const absl::StatusOr<bool> same =
+      options_.are_digests ? FileHolds(PathOf(key), bytes) : true;
+  const bool is_damaged = same.ok() ? !*same : absl::IsNotFound(same.status());
+  if (is_damaged) (void)SetDamaged(key, version);
+  MutexLock lock(mutex_);
+  BlobIndex::Entry* entry = index_.Touch(key);
+  const bool is_put = entry != nullptr && !entry->is_damaged;
+  (void)index_.ChangePins(key, is_put ? pins - 1 : -1);
+  return is_put;
 }
 
 absl::Status DirectoryBlobStore::TakeRoom(std::int64_t bytes) {
@@ -179,8 +230,24 @@ absl::Status DirectoryBlobStore::Write(const BlobKey& key,
     MutexLock lock(mutex_);
     absl::StrAppend(&temporary, ++last_temporary_);
   }
-  ISOMATCH_RETURN_IF_ERROR(MakeFolder(fs::path(path).parent_path()));
+  ISOMATCH_RETURN_IF_ERROR(MakeFolderOf(key));
   return options_.write(path, temporary, bytes);
+}
+
+absl::Status DirectoryBlobStore::MakeFolderOf(const BlobKey& key) {
+  const fs::path folder = fs::path(PathOf(key)).parent_path();
+  ISOMATCH_RETURN_IF_ERROR(MakeFolder(folder));
+  {
+    MutexLock lock(mutex_);
+    if (lasting_folders_.count(folder) != 0) return absl::OkStatus();
+  }
+  // Another thread may have made them, and not yet seen to it that they last.
+  const fs::path tenant = folder.parent_path();
+  ISOMATCH_RETURN_IF_ERROR(SyncFolder(tenant));
+  ISOMATCH_RETURN_IF_ERROR(SyncFolder(tenant.parent_path()));
+  MutexLock lock(mutex_);
+  lasting_folders_.insert(folder);
+  return absl::OkStatus();
 }
 
 bool DirectoryBlobStore::Pin(const BlobKey& key) {
@@ -193,26 +260,59 @@ void DirectoryBlobStore::Unpin(const BlobKey& key) {
   (void)index_.ChangePins(key, -1);
 }
 
-BlobStore::Blob DirectoryBlobStore::Get(const BlobKey& key) {
-  std::int64_t size = 0;
+std::optional<DirectoryBlobStore::Seen> DirectoryBlobStore::See(
+    const BlobKey& key) const {
+  MutexLock lock(mutex_);
+  const BlobIndex::Entry* entry = index_.Touch(key);
+  if (entry == nullptr) return std::nullopt;
+  return Seen{entry->version, entry->bytes};
+}
+
+bool DirectoryBlobStore::SetDamaged(const BlobKey& key, std::uint64_t version) {
+  MutexLock lock(mutex_);
+  BlobIndex::Entry* entry = index_.Touch(key);
+  if (entry == nullptr || entry->version != version) return false;
+  entry->is_damaged = true;
+  return true;
+}
+
+absl::StatusOr<BlobStore::Blob> DirectoryBlobStore::Get(const BlobKey& key) {
+  for (int tries = 0; tries < kTries; ++tries) {
+    absl::StatusOr<Blob> blob = Read(key);
+    if (!absl::IsAborted(blob.status())) return blob;
+  }
+  return absl::UnavailableError(
+      absl::StrCat("the file ", PathOf(key), " changes while it is read"));
+}
+
+absl::StatusOr<BlobStore::Blob> DirectoryBlobStore::Read(const BlobKey& key) {
   {
     MutexLock lock(mutex_);
     const BlobIndex::Entry* entry = index_.Touch(key);
-    if (entry == nullptr) return nullptr;
-    if (Blob held = entry->held.lock()) return held;
-    size = entry->bytes;
+    if (entry != nullptr) {
+      if (Blob held = entry->held.lock()) return held;
+    }
   }
-  auto bytes = ReadWholeFile(PathOf(key), size);
-  if (absl::IsUnavailable(bytes.status())) return nullptr;  // this time
+  const std::optional<Seen> seen = See(key);
+  if (!seen) return absl::NotFoundError(absl::StrCat("no ", PathOf(key)));
+  auto bytes = options_.read(PathOf(key), seen->bytes);
+  if (absl::IsUnavailable(bytes.status())) return bytes.status();
   const bool intact =
       bytes.ok() && (!options_.are_digests || Sha256Hex(*bytes) == key.sha256);
+  if (!intact) {
+    // If it was not just evicted: as good as not there until it is put again.
+    if (SetDamaged(key, seen->version) || !See(key)) {
+      return absl::NotFoundError(absl::StrCat(PathOf(key), " is damaged"));
+    }
+    return absl::AbortedError("put again meanwhile");
+  }
+  const Blob blob = std::make_shared<const std::string>(*std::move(bytes));
   MutexLock lock(mutex_);
   BlobIndex::Entry* entry = index_.Touch(key);
-  // If it was not just evicted: as good as not there until it is put again.
-  if (entry != nullptr) entry->is_damaged = !intact;
-  if (!intact) return nullptr;
-  const Blob blob = std::make_shared<const std::string>(*std::move(bytes));
-  if (entry != nullptr) entry->held = blob;
+  if (entry != nullptr && entry->version == seen->version) {
+    entry->is_damaged = false;
+    entry->held = blob;
+  }
   return blob;
 }
 
@@ -225,9 +325,65 @@ void DirectoryBlobStore::Remove(const BlobKey& key) {
 }
 
 bool DirectoryBlobStore::Has(const BlobKey& key) {
+  const std::optional<Seen> seen = See(key);
+  if (!seen) return false;
+  std::error_code error;
+  const auto size = fs::file_size(PathOf(key), error);
+  const bool is_gone = error == std::errc::no_such_file_or_directory ||
+                       error == std::errc::not_a_directory;
+  const bool is_other =
+      !error && static_cast<std::int64_t>(size) != seen->bytes;
+  if (is_gone || (is_other && options_.are_digests)) {
+    (void)SetDamaged(key, seen->version);
+  }
   MutexLock lock(mutex_);
   const BlobIndex::Entry* entry = index_.Touch(key);
   return entry != nullptr && !entry->is_damaged;
+}
+
+bool DirectoryBlobStore::HasWhole(const BlobKey& key) {
+  const std::optional<Seen> seen = See(key);
+  if (!seen || !options_.are_digests) return Has(key);
+  const auto now = std::chrono::steady_clock::now();
+  {
+    MutexLock lock(mutex_);
+    const BlobIndex::Entry* entry = index_.Touch(key);
+    const bool is_fresh = entry != nullptr && now - entry->whole_at < kFresh;
+    if (is_fresh) return !entry->is_damaged;
+  }
+  Sha256 sha256;
+  const absl::Status read = ReadInPieces(PathOf(key), [&](auto piece) {
+    sha256.Update(piece);
+    return true;
+  });
+  if (absl::IsUnavailable(read)) return Has(key);
+  if (!read.ok() || sha256.HexDigest() != key.sha256) {
+    (void)SetDamaged(key, seen->version);
+    return Has(key);
+  }
+  MutexLock lock(mutex_);
+  BlobIndex::Entry* entry = index_.Touch(key);
+  if (entry != nullptr) entry->whole_at = now;
+  return entry != nullptr && !entry->is_damaged;
+}
+
+bool DirectoryBlobStore::CanMakeRoom(std::int64_t bytes) const {
+  MutexLock lock(mutex_);
+  return bytes <= index_.RoomBytes() - arriving_bytes_;
+}
+
+absl::Status DirectoryBlobStore::TryWriting(std::int64_t bytes) {
+  const std::string path = absl::StrCat(folder_, "/", kTemporaryFolder, "/try");
+  try {
+    const std::string content(static_cast<size_t>(bytes + kTryMore), '\0');
+    ISOMATCH_RETURN_IF_ERROR(MakeFolder(fs::path(path).parent_path()));
+    ISOMATCH_RETURN_IF_ERROR(
+        options_.write(path, absl::StrCat(path, ".new"), content));
+  } catch (const std::bad_alloc&) {
+    return absl::ResourceExhaustedError("no memory to write it");
+  }
+  unlink(path.c_str());
+  return absl::OkStatus();
 }
 
 std::int64_t DirectoryBlobStore::size_bytes() const {

@@ -4,6 +4,8 @@
 #include <functional>
 #include <list>
 #include <memory>
+#include <optional>
+#include <set>
 #include <string>
 
 #include "absl/status/status.h"
@@ -19,7 +21,8 @@ namespace isomatch {
 /// Blobs in files FOLDER/TENANT/AB/SHA256, where AB are the digest's first two
 /// digits; never more than `capacity_bytes` of content. What Put accepted
 /// survives a crash and the loss of power. A file whose content is not what its
-/// name says is treated as missing. Thread-safe; one store for each folder.
+/// name says is treated as missing, and written again when it is put again.
+/// Thread-safe; one store for each folder.
 class DirectoryBlobStore : public BlobStore {
  public:
   struct Options {
@@ -28,6 +31,10 @@ class DirectoryBlobStore : public BlobStore {
                                const std::string& temporary,
                                absl::string_view bytes)>
         write = WriteFileDurably;
+    /// As ReadWholeFile; tests make it fail.
+    std::function<absl::StatusOr<std::string>(const std::string& path,
+                                              std::int64_t max_bytes)>
+        read = ReadWholeFile;
     /// False: names are not the digests of the content, which is not checked.
     bool are_digests = true;
   };
@@ -43,11 +50,14 @@ class DirectoryBlobStore : public BlobStore {
   absl::Status Put(const BlobKey& key, std::string bytes, Keep keep) override;
   bool Pin(const BlobKey& key) override;
   void Unpin(const BlobKey& key) override;
-  Blob Get(const BlobKey& key) override;
+  absl::StatusOr<Blob> Get(const BlobKey& key) override;
   void Remove(const BlobKey& key) override;
   bool Has(const BlobKey& key) override;
+  bool HasWhole(const BlobKey& key) override;
   bool MakeTenantRoom(const BlobKey& key, std::int64_t bytes,
                       std::int64_t limit) override;
+  bool CanMakeRoom(std::int64_t bytes) const override;
+  absl::Status TryWriting(std::int64_t bytes) override;
   std::int64_t size_bytes() const override;
 
  private:
@@ -64,6 +74,27 @@ class DirectoryBlobStore : public BlobStore {
   /// As Write; RESOURCE_EXHAUSTED when there is no memory for it.
   absl::Status WriteWithinMemory(const BlobKey& key, const std::string& bytes);
 
+  /// Puts what is there already, if the file holds `bytes`, or cannot be read
+  /// just now.
+  bool PutAgain(const BlobKey& key, absl::string_view bytes, int pins);
+
+  /// What was known of a blob before its file was looked at.
+  struct Seen {
+    std::uint64_t version = 0;
+    std::int64_t bytes = 0;
+  };
+  std::optional<Seen> See(const BlobKey& key) const;
+
+  /// The bytes in the file were found not to be what was put; false when others
+  /// were put since.
+  bool SetDamaged(const BlobKey& key, std::uint64_t version);
+
+  /// Get, once; ABORTED when the blob was put again meanwhile.
+  absl::StatusOr<Blob> Read(const BlobKey& key);
+
+  /// Makes the folder of the blob's file. It survives the loss of power.
+  absl::Status MakeFolderOf(const BlobKey& key);
+
   /// Under the lock, so that a Put of the same content comes after it.
   void Unlink(const std::list<BlobIndex::Entry>& evicted) const
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
@@ -78,9 +109,11 @@ class DirectoryBlobStore : public BlobStore {
   const std::string folder_;
   const Options options_;
   mutable Mutex mutex_;
-  BlobIndex index_ ABSL_GUARDED_BY(mutex_);
+  mutable BlobIndex index_ ABSL_GUARDED_BY(mutex_);
   /// Of blobs that are being written.
   std::int64_t arriving_bytes_ ABSL_GUARDED_BY(mutex_) = 0;
+  /// Those that are known to survive the loss of power.
+  std::set<std::string> lasting_folders_ ABSL_GUARDED_BY(mutex_);
   std::uint64_t last_temporary_ ABSL_GUARDED_BY(mutex_) = 0;
 };
 

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/strip.h"
 #include "core/base/status_macros.h"
 
 namespace isomatch {
@@ -23,7 +24,9 @@ absl::Status Refused(absl::string_view what, const std::string& path) {
   const int error = errno;
   const std::string message =
       absl::StrCat("cannot ", what, " ", path, ": ", std::strerror(error));
-  if (error == ENOENT) return absl::NotFoundError(message);
+  const bool is_none =
+      error == ENOENT || error == ENOTDIR || error == EISDIR || error == ELOOP;
+  if (is_none) return absl::NotFoundError(message);
   if (error == ENOSPC || error == EDQUOT || error == EFBIG) {
     return absl::ResourceExhaustedError(message);
   }
@@ -66,14 +69,14 @@ absl::Status WriteAndSync(const std::string& path, absl::string_view bytes) {
   return absl::OkStatus();
 }
 
+}  // namespace
+
 absl::Status SyncFolder(const std::string& path) {
   const File folder(path, O_RDONLY | O_DIRECTORY);
   if (!folder.is_open()) return Refused("open", path);
   if (fsync(folder.get()) != 0) return Refused("synchronise", path);
   return absl::OkStatus();
 }
-
-}  // namespace
 
 absl::Status WriteFileDurably(const std::string& path,
                               const std::string& temporary,
@@ -111,6 +114,33 @@ absl::StatusOr<std::string> ReadWholeFile(const std::string& path,
   }
   bytes.resize(done);
   return bytes;
+}
+
+absl::Status ReadInPieces(const std::string& path,
+                          const std::function<bool(absl::string_view)>& take) {
+  constexpr size_t kPiece = size_t{64} << 10;
+  const File file(path, O_RDONLY);
+  if (!file.is_open()) return Refused("read", path);
+  std::string piece(kPiece, '\0');
+  while (true) {
+    const ssize_t got = read(file.get(), piece.data(), piece.size());
+    if (got < 0 && errno == EINTR) continue;
+    if (got < 0) return Refused("read", path);
+    if (got == 0) return absl::OkStatus();
+    if (!take({piece.data(), static_cast<size_t>(got)})) {
+      return absl::OkStatus();
+    }
+  }
+}
+
+absl::StatusOr<bool> FileHolds(const std::string& path,
+                               absl::string_view bytes) {
+  bool same = true;
+  ISOMATCH_RETURN_IF_ERROR(ReadInPieces(path, [&](absl::string_view piece) {
+    same = absl::ConsumePrefix(&bytes, piece);
+    return same;
+  }));
+  return same && bytes.empty();
 }
 
 absl::Status MakeFolder(const std::string& path) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <string>
 
 #include "absl/status/status.h"
@@ -18,10 +19,23 @@ absl::Status WriteFileDurably(const std::string& path,
                               const std::string& temporary,
                               absl::string_view bytes);
 
-/// Returns what the file holds. NOT_FOUND; UNAVAILABLE when it cannot be read;
+/// Returns what the file holds. NOT_FOUND, also for what is no file;
+/// UNAVAILABLE when it cannot be read, as without a free file descriptor;
 /// DATA_LOSS when it has more than `max_bytes`.
 absl::StatusOr<std::string> ReadWholeFile(const std::string& path,
                                           std::int64_t max_bytes);
+
+/// Gives `take` what the file holds, piece by piece, until it returns false.
+/// NOT_FOUND; UNAVAILABLE when it cannot be read.
+absl::Status ReadInPieces(const std::string& path,
+                          const std::function<bool(absl::string_view)>& take);
+
+/// Whether the file holds these bytes. Errors as ReadInPieces.
+absl::StatusOr<bool> FileHolds(const std::string& path,
+                               absl::string_view bytes);
+
+/// What was made or renamed in the folder survives the loss of power.
+absl::Status SyncFolder(const std::string& path);
 
 /// Makes the folder and those above it; nothing when it is there. UNAVAILABLE
 /// names the folder and the system's reason.

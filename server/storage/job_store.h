@@ -60,6 +60,11 @@ class JobStore {
   virtual std::optional<JobRecord> FindByRequestId(
       const std::string& tenant, const std::string& request_id) const = 0;
 
+  /// Whether a job of the tenant has the blob among its inputs, whatever its
+  /// state.
+  virtual bool HasInput(const std::string& tenant,
+                        const std::string& sha256) const = 0;
+
   /// Newest first.
   virtual std::vector<JobRecord> List(const JobFilter& filter) const = 0;
 

@@ -34,10 +34,11 @@ void MemoryBlobStore::Unpin(const BlobKey& key) {
   (void)index_.ChangePins(key, -1);
 }
 
-BlobStore::Blob MemoryBlobStore::Get(const BlobKey& key) {
+absl::StatusOr<BlobStore::Blob> MemoryBlobStore::Get(const BlobKey& key) {
   MutexLock lock(mutex_);
   const BlobIndex::Entry* entry = index_.Touch(key);
-  return entry == nullptr ? nullptr : entry->blob;
+  if (entry == nullptr) return absl::NotFoundError(key.sha256);
+  return entry->blob;
 }
 
 void MemoryBlobStore::Remove(const BlobKey& key) {
@@ -59,6 +60,11 @@ bool MemoryBlobStore::MakeTenantRoom(const BlobKey& key, std::int64_t bytes,
   MutexLock lock(mutex_);
   evicted = index_.MakeTenantRoom(key, bytes, limit);
   return evicted.ok();
+}
+
+bool MemoryBlobStore::CanMakeRoom(std::int64_t bytes) const {
+  MutexLock lock(mutex_);
+  return bytes <= index_.RoomBytes();
 }
 
 std::int64_t MemoryBlobStore::size_bytes() const {

@@ -20,11 +20,12 @@ class MemoryBlobStore : public BlobStore {
   absl::Status Put(const BlobKey& key, std::string bytes, Keep keep) override;
   bool Pin(const BlobKey& key) override;
   void Unpin(const BlobKey& key) override;
-  Blob Get(const BlobKey& key) override;
+  absl::StatusOr<Blob> Get(const BlobKey& key) override;
   void Remove(const BlobKey& key) override;
   bool Has(const BlobKey& key) override;
   bool MakeTenantRoom(const BlobKey& key, std::int64_t bytes,
                       std::int64_t limit) override;
+  bool CanMakeRoom(std::int64_t bytes) const override;
   std::int64_t size_bytes() const override;
 
  private:

@@ -147,6 +147,17 @@ std::optional<JobRecord> MemoryJobStore::FindByRequestId(
   return records_.at(position->second);
 }
 
+bool MemoryJobStore::HasInput(const std::string& tenant,
+                              const std::string& sha256) const {
+  MutexLock lock(mutex_);
+  return std::any_of(records_.begin(), records_.end(), [&](const auto& entry) {
+    const JobRecord& record = entry.second;
+    return record.tenant == tenant &&
+           std::find(record.inputs.begin(), record.inputs.end(), sha256) !=
+               record.inputs.end();
+  });
+}
+
 std::vector<JobRecord> MemoryJobStore::List(const JobFilter& filter) const {
   std::vector<JobRecord> found;
   MutexLock lock(mutex_);

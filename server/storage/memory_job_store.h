@@ -40,6 +40,8 @@ class MemoryJobStore : public JobStore {
   std::optional<JobRecord> Get(const std::string& id) const override;
   std::optional<JobRecord> FindByRequestId(
       const std::string& tenant, const std::string& request_id) const override;
+  bool HasInput(const std::string& tenant,
+                const std::string& sha256) const override;
   std::vector<JobRecord> List(const JobFilter& filter) const override;
   absl::StatusOr<JobRecord> Delete(const std::string& id) override;
   void Flush() override;

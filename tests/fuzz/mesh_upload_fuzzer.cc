@@ -181,8 +181,8 @@ class FuzzedUploads {
   }
 
   void CheckStored(const std::string& content) {
-    const BlobStore::Blob blob = blobs_.Get({kTenant, Sha256Hex(content)});
-    ISOMATCH_CHECK(blob == nullptr || *blob == content);
+    const auto blob = blobs_.Get({kTenant, Sha256Hex(content)});
+    ISOMATCH_CHECK(!blob.ok() || **blob == content);
   }
 
   RequestLimits limits_;

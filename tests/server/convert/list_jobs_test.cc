@@ -1,10 +1,12 @@
 #include "server/convert/list_jobs.h"
 
 #include <string>
+#include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "absl/strings/str_cat.h"
 #include "server/jobs/errors.h"
 #include "tests/support/matchers.h"
 
@@ -103,6 +105,36 @@ TEST(ListJobsTest, GarbageIsNoToken) {
     request.set_page_token(text);
     EXPECT_EQ(FieldOf(request), "page_token") << text;
   }
+}
+
+TEST(ListJobsTest, APageEndsBeforeAClientRefusesIt) {
+  std::vector<JobSnapshot> jobs(1000);
+  for (size_t i = 0; i < jobs.size(); ++i) {
+    JobRecord& record = jobs[i].record;
+    record.id = absl::StrCat(i);
+    record.number = 2000 - i;
+    record.create_time = absl::UnixEpoch();
+    for (char key = 'a'; key < 'q'; ++key) {
+      record.labels[std::string(63, key)] = std::string(255, key);
+    }
+  }
+  const JobFilter filter;
+  size_t seen = 0;
+  int pages = 0;
+  while (seen < jobs.size()) {
+    v1::ListJobsResponse page;
+    FillPage({jobs.begin() + static_cast<std::ptrdiff_t>(seen), jobs.end()},
+             filter, 1000, page);
+    ASSERT_GT(page.jobs_size(), 0);
+    EXPECT_LE(page.ByteSizeLong(), size_t{4} << 20);
+    seen += static_cast<size_t>(page.jobs_size());
+    ++pages;
+    EXPECT_EQ(page.next_page_token(),
+              seen == jobs.size()
+                  ? ""
+                  : MakePageToken(filter, jobs[seen - 1].record.number));
+  }
+  EXPECT_EQ(pages, 2);
 }
 
 }  // namespace

@@ -77,7 +77,7 @@ TEST_F(MeshUploadTest, TheRestFromTheOffsetOnCompletesTheMesh) {
     EXPECT_EQ(Received(), 0);  // they are the new stream's now
     ASSERT_THAT(upload.Take(Chunk(bytes_.substr(offset))), IsOk());
     ASSERT_THAT(upload.End(), IsOk());
-    EXPECT_EQ(*blobs_->Get({kTenant, sha256_}), bytes_);
+    EXPECT_EQ(**blobs_->Get({kTenant, sha256_}), bytes_);
   }
 }
 
@@ -113,7 +113,7 @@ TEST_F(MeshUploadTest, TwoStreamsOfOneMeshDoNotTouchEachOther) {
   ASSERT_THAT(first.Take(Chunk(bytes_.substr(6))), IsOk());
   third.BreakOff();
   EXPECT_THAT(first.End(), IsOk());
-  EXPECT_EQ(*blobs_->Get({kTenant, sha256_}), bytes_);
+  EXPECT_EQ(**blobs_->Get({kTenant, sha256_}), bytes_);
 }
 
 TEST_F(MeshUploadTest, TooFewBytesAreKeptAsAfterALostConnection) {

@@ -43,17 +43,27 @@ class JobStoreWithHook : public MemoryJobStore {
   std::function<void(const JobRecord&)> before_update;
 };
 
-/// Lets something happen just before a blob is put.
+/// Lets something happen just before a blob is put, and refuses as a disk may.
 class BlobStoreWithHook : public MemoryBlobStore {
  public:
   using MemoryBlobStore::MemoryBlobStore;
 
   absl::Status Put(const BlobKey& key, std::string bytes, Keep keep) override {
     if (before_put) before_put();
+    if (!disk.ok()) return disk;
     return MemoryBlobStore::Put(key, std::move(bytes), keep);
   }
 
+  absl::StatusOr<Blob> Get(const BlobKey& key) override {
+    if (!reading.ok()) return reading;
+    return MemoryBlobStore::Get(key);
+  }
+
+  absl::Status TryWriting(std::int64_t) override { return disk; }
+
   std::function<void()> before_put;
+  absl::Status disk;
+  absl::Status reading;
 };
 
 /// A manager whose jobs run when the test says so. A job needs as many bytes as

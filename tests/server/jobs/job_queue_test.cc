@@ -46,6 +46,22 @@ TEST(JobQueueTest, IsFirstComeFirstServedWhenAllFit) {
   EXPECT_EQ(IdOf(queue.PopFitting(budget)), "none");
 }
 
+TEST(JobQueueTest, OneThatIsHeldIsPassedByAll) {
+  MemoryBudget budget(100);
+  JobQueue queue(0, kNoLimit);
+  const auto held = NewJob("held", 10);
+  held->is_held = true;
+  queue.Push(held);
+  for (const char* id : {"a", "b", "c"}) queue.Push(NewJob(id, 10));
+  EXPECT_EQ(queue.CountHeld(), 1);
+  for (const char* id : {"a", "b", "c", "none"}) {
+    EXPECT_EQ(IdOf(queue.PopFitting(budget)), id);
+  }
+  held->is_held = false;
+  EXPECT_EQ(queue.CountHeld(), 0);
+  EXPECT_EQ(IdOf(queue.PopFitting(budget)), "held");
+}
+
 TEST(JobQueueTest, CountsByPriority) {
   JobQueue queue(2, kNoLimit);
   EXPECT_TRUE(queue.CountByPriority().empty());

@@ -22,6 +22,8 @@ TEST(PrometheusMetricsTest, TellsTheLoadOfTheMomentOfTheScrape) {
   PrometheusMetrics metrics("1.2.3");
   LoadFigures load{.queued_low = 1,
                    .queued_normal = 3,
+                   .held_for_storage = 5,
+                   .held_for_inputs = 1,
                    .running_jobs = 2,
                    .stuck_workers = 1,
                    .watchers = 5,
@@ -37,6 +39,8 @@ TEST(PrometheusMetricsTest, TellsTheLoadOfTheMomentOfTheScrape) {
             HasSubstr("\nisomatch_jobs_queued{priority=\"low\"} 1\n"),
             HasSubstr("\nisomatch_jobs_queued{priority=\"normal\"} 3\n"),
             HasSubstr("\nisomatch_jobs_queued{priority=\"high\"} 0\n"),
+            HasSubstr("\nisomatch_jobs_held{reason=\"storage\"} 5\n"),
+            HasSubstr("\nisomatch_jobs_held{reason=\"inputs\"} 1\n"),
             HasSubstr("\nisomatch_jobs_running 2\n"),
             HasSubstr("\nisomatch_workers_stuck 1\n"),
             HasSubstr("\nisomatch_watchers 5\n"),

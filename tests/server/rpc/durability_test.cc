@@ -7,9 +7,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "absl/time/clock.h"
 #include "server/storage/sha256.h"
 #include "tests/server/test_server.h"
 #include "tests/support/shapes.h"
+#include "tests/support/small_disk.h"
 #include "tests/support/temporary_folder.h"
 
 namespace isomatch {
@@ -42,6 +44,30 @@ class DurabilityTest : public TestServer {
       bytes += part.chunk();
     }
     return reader->Finish();
+  }
+
+  /// Changes every file of meshes, requests and results.
+  void DamageBlobs() const {
+    for (const auto& entry :
+         std::filesystem::recursive_directory_iterator(Blobs())) {
+      if (!entry.is_regular_file()) continue;
+      std::fstream file(entry.path(),
+                        std::ios::in | std::ios::out | std::ios::binary);
+      file << "damaged";
+    }
+  }
+
+  grpc::Status Upload(const std::string& bytes) {
+    grpc::ClientContext context;
+    v1::UploadMeshResponse response;
+    const auto writer = stub_->UploadMesh(&context, &response);
+    v1::UploadMeshRequest request;
+    request.mutable_header()->set_sha256(Sha256Hex(bytes));
+    request.mutable_header()->set_size_bytes(bytes.size());
+    writer->Write(request);
+    request.set_chunk(bytes);
+    if (writer->Write(request)) writer->WritesDone();
+    return writer->Finish();
   }
 
   TemporaryFolder folder_;
@@ -153,6 +179,66 @@ TEST_F(DurabilityTest, UploadedMeshesNeedNotBeSentAgain) {
   EXPECT_EQ(missing.missing_size(), 0);
   EXPECT_EQ(Watch(CreateJob(by_digest)).back().state(),
             v1::Job::STATE_SUCCEEDED);
+}
+
+TEST_F(DurabilityTest, TheSameMeshesSentAgainHealDamagedFiles) {
+  Watch(CreateJob());
+  DamageBlobs();
+  EXPECT_EQ(Watch(CreateJob()).back().state(), v1::Job::STATE_SUCCEEDED);
+}
+
+TEST_F(DurabilityTest, AMeshUploadedAgainHealsItsDamagedFile) {
+  const std::string bytes = SphereJob().mesh_x().draco();
+  ASSERT_TRUE(Upload(bytes).ok());
+  DamageBlobs();
+  ASSERT_TRUE(Upload(bytes).ok());
+  v1::CreateJobRequest request = SphereJob();
+  v1::Digest& digest = *request.mutable_mesh_x()->mutable_digest();
+  digest.set_sha256(Sha256Hex(bytes));
+  digest.set_size_bytes(bytes.size());
+  EXPECT_EQ(Watch(CreateJob(request)).back().state(), v1::Job::STATE_SUCCEEDED);
+}
+
+TEST_F(DurabilityTest, JobsWaitForAFullDiskAlsoAcrossARestart) {
+  const SmallDisk disk(/*mebibytes=*/4);
+  if (!disk.problem().empty()) GTEST_SKIP() << disk.problem();
+  ServerConfig config = TestConfig();
+  config.data_dir = disk.Path("data");
+  Restart(config);
+  on_found_ = [this](auto&&, auto&&, Correspondence& found) {
+    found.confidence.assign(42, 0.001f * static_cast<float>(matches_));
+  };
+  const std::string ended = CreateJob();
+  Watch(ended);
+  gate_open_ = false;
+  v1::CreateJobRequest other = SphereJob();
+  other.mutable_options()->set_random_seed(7);
+  const std::string running = CreateJob(other);
+  const std::string queued = CreateJob(other);
+  WaitForMatches(2);
+  disk.Fill();
+  gate_open_ = true;
+  for (const std::string& name : {running, queued}) {
+    v1::Job job;
+    do {
+      job = GetJob(name);
+      absl::SleepFor(absl::Milliseconds(10));
+    } while (job.state() <= v1::Job::STATE_RUNNING &&
+             job.waiting_for() != v1::Job::WAIT_REASON_STORAGE);
+    EXPECT_EQ(job.state(), v1::Job::STATE_QUEUED);
+  }
+  EXPECT_EQ(CreateError(SphereJob()).reason, "STORAGE_FAILED");
+  Restart(config);
+  grpc::ClientContext context;
+  v1::DeleteJobRequest request;
+  request.set_name(ended);
+  v1::DeleteJobResponse response;
+  EXPECT_TRUE(stub_->DeleteJob(&context, request, &response).ok());
+  disk.Empty();
+  for (const std::string& name : {running, queued}) {
+    EXPECT_EQ(Watch(name).back().state(), v1::Job::STATE_SUCCEEDED);
+  }
+  server_.reset();  // before its disk
 }
 
 TEST_F(DurabilityTest, AResultWhoseFileIsGoneIsLost) {

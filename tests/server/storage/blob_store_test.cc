@@ -22,6 +22,8 @@ namespace {
 
 using testing::_;
 
+auto IsMissing() { return StatusIs(absl::StatusCode::kNotFound, _); }
+
 /// What holds for every store, of which Make gives an empty one.
 template <typename Store>
 class BlobStoreTest : public testing::Test {
@@ -59,8 +61,8 @@ TYPED_TEST(BlobStoreTest, GivesBackWhatWasPut) {
   const auto owner = this->Make(100);
   BlobStore& store = *owner;
   const BlobKey key = this->Put(store, 'a', 10, Keep::kWhileRoom);
-  EXPECT_EQ(*store.Get(key), "aaaaaaaaaa");
-  EXPECT_EQ(store.Get(this->KeyOf("b")), nullptr);
+  EXPECT_EQ(**store.Get(key), "aaaaaaaaaa");
+  EXPECT_THAT(store.Get(this->KeyOf("b")), IsMissing());
 }
 
 TYPED_TEST(BlobStoreTest, TheLeastRecentlyUsedGoesFirst) {
@@ -68,10 +70,10 @@ TYPED_TEST(BlobStoreTest, TheLeastRecentlyUsedGoesFirst) {
   BlobStore& store = *owner;
   const BlobKey a = this->Put(store, 'a', 40, Keep::kWhileRoom);
   const BlobKey b = this->Put(store, 'b', 40, Keep::kWhileRoom);
-  EXPECT_NE(store.Get(a), nullptr);  // now b is the older one
+  EXPECT_THAT(store.Get(a), IsOk());  // now b is the older one
   this->Put(store, 'c', 40, Keep::kWhileRoom);
-  EXPECT_NE(store.Get(a), nullptr);
-  EXPECT_EQ(store.Get(b), nullptr);
+  EXPECT_THAT(store.Get(a), IsOk());
+  EXPECT_THAT(store.Get(b), IsMissing());
 }
 
 TYPED_TEST(BlobStoreTest, WhatIsPinnedStays) {
@@ -86,7 +88,7 @@ TYPED_TEST(BlobStoreTest, WhatIsPinnedStays) {
               StatusIs(absl::StatusCode::kResourceExhausted, _));
   store.Unpin(later);
   EXPECT_THAT(store.Put(this->KeyOf(big), big, Keep::kWhileRoom), IsOk());
-  EXPECT_NE(store.Get(pinned), nullptr);
+  EXPECT_THAT(store.Get(pinned), IsOk());
   EXPECT_FALSE(store.Has(later));
   EXPECT_EQ(store.size_bytes(), 80);
 }
@@ -141,7 +143,7 @@ TYPED_TEST(BlobStoreTest, WhatACallerHoldsStaysWhole) {
   const auto owner = this->Make(100);
   BlobStore& store = *owner;
   const BlobKey read = this->Put(store, 'b', 60, Keep::kWhileRoom);
-  const BlobStore::Blob held = store.Get(read);
+  const BlobStore::Blob held = *store.Get(read);
   const std::string big(60, 'c');
   (void)store.Put(this->KeyOf(big), big, Keep::kWhileRoom);
   EXPECT_EQ(*held, std::string(60, 'b'));
@@ -154,7 +156,7 @@ TYPED_TEST(BlobStoreTest, TenantsShareNothing) {
   const BlobKey other = {"other", mine.sha256};
   EXPECT_TRUE(store.Has(mine));
   EXPECT_FALSE(store.Has(other));
-  EXPECT_EQ(store.Get(other), nullptr);
+  EXPECT_THAT(store.Get(other), IsMissing());
   EXPECT_FALSE(store.Pin(other));
 }
 
@@ -170,6 +172,29 @@ TYPED_TEST(BlobStoreTest, PinsOfTheSameContentAreCounted) {
   EXPECT_TRUE(store.Put(this->KeyOf(big), big, Keep::kWhileRoom).ok());
 }
 
+TYPED_TEST(BlobStoreTest, TheRoomThatCanBeMadeIsWhatIsNotNeeded) {
+  const auto owner = this->Make(100);
+  BlobStore& store = *owner;
+  this->Put(store, 'a', 30, Keep::kWhileRoom);
+  const BlobKey pinned = this->Put(store, 'b', 40, Keep::kPinned);
+  EXPECT_TRUE(store.CanMakeRoom(60));
+  EXPECT_FALSE(store.CanMakeRoom(61));
+  store.Unpin(pinned);
+  EXPECT_TRUE(store.CanMakeRoom(100));
+  EXPECT_EQ(store.size_bytes(), 70);
+  EXPECT_THAT(store.TryWriting(1000), IsOk());
+}
+
+TYPED_TEST(BlobStoreTest, WhatIsThereIsWhole) {
+  const auto owner = this->Make(100);
+  BlobStore& store = *owner;
+  const BlobKey key = this->Put(store, 'a', 10, Keep::kWhileRoom);
+  EXPECT_TRUE(store.HasWhole(key));
+  EXPECT_FALSE(store.HasWhole(this->KeyOf("b")));
+  store.Remove(key);
+  EXPECT_FALSE(store.HasWhole(key));
+}
+
 TYPED_TEST(BlobStoreTest, NeverHoldsMoreThanItsCapacity) {
   constexpr int kSteps = 1000;
   const auto owner = this->Make(1000);
@@ -182,14 +207,14 @@ TYPED_TEST(BlobStoreTest, NeverHoldsMoreThanItsCapacity) {
     const BlobKey key = this->KeyOf(bytes);
     const Keep keep = random() % 4 == 0 ? Keep::kPinned : Keep::kWhileRoom;
     if (store.Put(key, bytes, keep).ok()) {
-      EXPECT_EQ(*store.Get(key), bytes);
+      EXPECT_EQ(**store.Get(key), bytes);
       if (keep == Keep::kPinned) pinned.push_back(key);
     }
     if (!pinned.empty() && random() % 3 == 0) {
       store.Unpin(pinned.back());
       pinned.pop_back();
     }
-    for (const BlobKey& p : pinned) EXPECT_NE(store.Get(p), nullptr);
+    for (const BlobKey& p : pinned) EXPECT_THAT(store.Get(p), IsOk());
     ASSERT_LE(store.size_bytes(), 1000);
   }
 }

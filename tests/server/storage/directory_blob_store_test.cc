@@ -30,6 +30,8 @@ using testing::SizeIs;
 
 BlobKey KeyOf(const std::string& bytes) { return {"tenant", Sha256Hex(bytes)}; }
 
+auto IsGone() { return StatusIs(absl::StatusCode::kNotFound, _); }
+
 /// The files below the folder, whatever they are.
 std::vector<std::string> FilesBelow(const std::string& folder) {
   std::vector<std::string> files;
@@ -59,8 +61,8 @@ TEST_F(DirectoryBlobStoreTest, BlobsAreThereAfterOpeningAgain) {
   ASSERT_THAT(store_->Put(KeyOf("one"), "one", Keep::kPinned), IsOk());
   ASSERT_THAT(store_->Put(KeyOf("two"), "two", Keep::kWhileRoom), IsOk());
   Open();
-  EXPECT_EQ(*store_->Get(KeyOf("one")), "one");
-  EXPECT_EQ(*store_->Get(KeyOf("two")), "two");
+  EXPECT_EQ(**store_->Get(KeyOf("one")), "one");
+  EXPECT_EQ(**store_->Get(KeyOf("two")), "two");
   EXPECT_EQ(store_->size_bytes(), 6);
   EXPECT_THAT(FilesBelow(root_), SizeIs(2));
 }
@@ -69,10 +71,10 @@ TEST_F(DirectoryBlobStoreTest, ADamagedFileIsAsGoodAsMissing) {
   Open();
   ASSERT_THAT(store_->Put(KeyOf("whole"), "whole", Keep::kWhileRoom), IsOk());
   std::ofstream(FilesBelow(root_).front()) << "whale";
-  EXPECT_EQ(store_->Get(KeyOf("whole")), nullptr);
+  EXPECT_THAT(store_->Get(KeyOf("whole")), IsGone());
   EXPECT_FALSE(store_->Has(KeyOf("whole")));
   ASSERT_THAT(store_->Put(KeyOf("whole"), "whole", Keep::kWhileRoom), IsOk());
-  EXPECT_EQ(*store_->Get(KeyOf("whole")), "whole");
+  EXPECT_EQ(**store_->Get(KeyOf("whole")), "whole");
   EXPECT_EQ(store_->size_bytes(), 5);
 }
 
@@ -84,20 +86,27 @@ TEST_F(DirectoryBlobStoreTest, AFileThatCannotBeReadNowIsNotDamaged) {
   rlimit none = before;
   none.rlim_cur = 0;
   ASSERT_EQ(setrlimit(RLIMIT_NOFILE, &none), 0);
-  EXPECT_EQ(store_->Get(KeyOf("whole")), nullptr);
+  const auto blob = store_->Get(KeyOf("whole"));
+  const bool is_put =
+      store_->Put(KeyOf("whole"), "whole", Keep::kWhileRoom).ok();
+  const bool is_whole = store_->HasWhole(KeyOf("whole"));
   ASSERT_EQ(setrlimit(RLIMIT_NOFILE, &before), 0);
+  EXPECT_THAT(blob, StatusIs(absl::StatusCode::kUnavailable,
+                             testing::HasSubstr(root_)));
+  EXPECT_TRUE(is_put);
+  EXPECT_TRUE(is_whole);
   EXPECT_TRUE(store_->Has(KeyOf("whole")));
-  EXPECT_NE(store_->Get(KeyOf("whole")), nullptr);
+  EXPECT_THAT(store_->Get(KeyOf("whole")), IsOk());
 }
 
 TEST_F(DirectoryBlobStoreTest, APinnedFileThatWasDamagedCanBePutAgain) {
   Open();
   ASSERT_THAT(store_->Put(KeyOf("whole"), "whole", Keep::kPinned), IsOk());
   std::filesystem::remove(FilesBelow(root_).front());
-  EXPECT_EQ(store_->Get(KeyOf("whole")), nullptr);
+  EXPECT_THAT(store_->Get(KeyOf("whole")), IsGone());
   EXPECT_TRUE(store_->MakeTenantRoom(KeyOf("whole"), 5, 5));  // it has its room
   ASSERT_THAT(store_->Put(KeyOf("whole"), "whole", Keep::kPinned), IsOk());
-  EXPECT_EQ(*store_->Get(KeyOf("whole")), "whole");
+  EXPECT_EQ(**store_->Get(KeyOf("whole")), "whole");
   store_->Remove(KeyOf("whole"));  // pinned
   EXPECT_TRUE(store_->Has(KeyOf("whole")));
   for (int i = 0; i < 2; ++i) store_->Unpin(KeyOf("whole"));
@@ -106,12 +115,109 @@ TEST_F(DirectoryBlobStoreTest, APinnedFileThatWasDamagedCanBePutAgain) {
   EXPECT_THAT(FilesBelow(root_), IsEmpty());
 }
 
+TEST_F(DirectoryBlobStoreTest, WhatIsPutAgainHealsAFileThatWasDamagedUnseen) {
+  const std::string long_bytes(200000, 'w');
+  for (const std::string& damaged :
+       {std::string("whale"), std::string(), long_bytes + "x",
+        long_bytes.substr(1), "x" + long_bytes.substr(1)}) {
+    Open(1000000);
+    ASSERT_THAT(store_->Put(KeyOf(long_bytes), long_bytes, Keep::kPinned),
+                IsOk());
+    std::ofstream(FilesBelow(root_).front()) << damaged;
+    ASSERT_THAT(store_->Put(KeyOf(long_bytes), long_bytes, Keep::kPinned),
+                IsOk());
+    EXPECT_EQ(**store_->Get(KeyOf(long_bytes)), long_bytes);
+    EXPECT_EQ(store_->size_bytes(), 200000);
+    for (int i = 0; i < 2; ++i) store_->Unpin(KeyOf(long_bytes));
+    store_->Remove(KeyOf(long_bytes));
+    EXPECT_FALSE(store_->Has(KeyOf(long_bytes)));
+  }
+}
+
+TEST_F(DirectoryBlobStoreTest, AFileThatWasCutBeforeTheStartIsHealedToo) {
+  Open();
+  ASSERT_THAT(store_->Put(KeyOf("whole"), "whole", Keep::kWhileRoom), IsOk());
+  std::filesystem::resize_file(FilesBelow(root_).front(), 2);
+  Open();
+  ASSERT_THAT(store_->Put(KeyOf("whole"), "whole", Keep::kWhileRoom), IsOk());
+  EXPECT_EQ(**store_->Get(KeyOf("whole")), "whole");
+  EXPECT_EQ(store_->size_bytes(), 5);
+}
+
+TEST_F(DirectoryBlobStoreTest, WhatIsGoneOrCutIsMissedWithoutReadingIt) {
+  Open();
+  ASSERT_THAT(store_->Put(KeyOf("whole"), "whole", Keep::kWhileRoom), IsOk());
+  ASSERT_THAT(store_->Put(KeyOf("gone"), "gone", Keep::kWhileRoom), IsOk());
+  for (const std::string& file : FilesBelow(root_)) {
+    if (std::filesystem::file_size(file) == 4) {
+      std::filesystem::remove(file);
+    } else {
+      std::filesystem::resize_file(file, 2);
+    }
+  }
+  EXPECT_FALSE(store_->Has(KeyOf("whole")));
+  EXPECT_FALSE(store_->Has(KeyOf("gone")));
+}
+
+TEST_F(DirectoryBlobStoreTest, WholeIsWhatHasItsDigest) {
+  Open();
+  ASSERT_THAT(store_->Put(KeyOf("whole"), "whole", Keep::kWhileRoom), IsOk());
+  std::ofstream(FilesBelow(root_).front()) << "whale";
+  EXPECT_TRUE(store_->Has(KeyOf("whole")));
+  EXPECT_FALSE(store_->HasWhole(KeyOf("whole")));
+  EXPECT_FALSE(store_->Has(KeyOf("whole")));
+}
+
+TEST_F(DirectoryBlobStoreTest, AReaderOfDamagedBytesLeavesTheNextOnesAlone) {
+  std::unique_ptr<DirectoryBlobStore> store;
+  int reads = 0;
+  auto opened = DirectoryBlobStore::Open(
+      root_, 100, {.read = [&](const std::string& path, std::int64_t most) {
+        auto bytes = ReadWholeFile(path, most);
+        if (++reads == 1) {  // damaged; somebody evicts it and puts it again
+          bytes = "whale";
+          store->Remove(KeyOf("whole"));
+          EXPECT_THAT(store->Put(KeyOf("whole"), "whole", Keep::kWhileRoom),
+                      IsOk());
+        }
+        return bytes;
+      }});
+  ASSERT_THAT(opened, IsOk());
+  store = *std::move(opened);
+  ASSERT_THAT(store->Put(KeyOf("whole"), "whole", Keep::kWhileRoom), IsOk());
+  EXPECT_EQ(**store->Get(KeyOf("whole")), "whole");
+  EXPECT_TRUE(store->Has(KeyOf("whole")));
+  EXPECT_EQ(reads, 2);
+}
+
 TEST_F(DirectoryBlobStoreTest, HalfWrittenFilesAreRemovedAndOthersLeftAlone) {
   Open();
   std::ofstream(root_ + "/.tmp/7") << "half";
   std::ofstream(root_ + "/notes.txt") << "mine";
   Open();
   EXPECT_THAT(FilesBelow(root_), testing::ElementsAre(root_ + "/notes.txt"));
+}
+
+TEST_F(DirectoryBlobStoreTest, WhatCannotBeLookedAtDoesNotEndTheStart) {
+  Open();
+  ASSERT_THAT(store_->Put(KeyOf("one"), "one", Keep::kWhileRoom), IsOk());
+  const std::string loop = Sha256Hex("loop");
+  const std::string there = root_ + "/tenant/" + loop.substr(0, 2);
+  std::filesystem::create_directories(there);
+  std::filesystem::create_symlink(loop, there + "/" + loop);
+  std::filesystem::create_symlink("nowhere", root_ + "/broken");
+  Open();
+  EXPECT_EQ(**store_->Get(KeyOf("one")), "one");
+  EXPECT_FALSE(store_->Has(KeyOf("loop")));
+  ASSERT_THAT(store_->Put(KeyOf("loop"), "loop", Keep::kWhileRoom), IsOk());
+  EXPECT_EQ(**store_->Get(KeyOf("loop")), "loop");
+}
+
+TEST_F(DirectoryBlobStoreTest, TryingToWriteLeavesNothing) {
+  Open();
+  EXPECT_THAT(store_->TryWriting(1000), IsOk());
+  EXPECT_THAT(FilesBelow(root_), IsEmpty());
+  EXPECT_EQ(store_->size_bytes(), 0);
 }
 
 TEST_F(DirectoryBlobStoreTest, EvictedBlobsLeaveTheDisk) {
@@ -177,9 +283,7 @@ TEST_F(DirectoryBlobStoreTest,
   store = *std::move(opened);
   ASSERT_THAT(store->Put(KeyOf("same"), "same", Keep::kPinned), IsOk());
   EXPECT_EQ(writes, 4);
-  const BlobStore::Blob found = store->Get(KeyOf("same"));
-  ASSERT_NE(found, nullptr);
-  EXPECT_EQ(*found, "same");
+  EXPECT_EQ(**store->Get(KeyOf("same")), "same");
 }
 
 TEST_F(DirectoryBlobStoreTest, ManyThreadsGetWhatWasPut) {
@@ -188,8 +292,8 @@ TEST_F(DirectoryBlobStoreTest, ManyThreadsGetWhatWasPut) {
     for (int i = 0; i < 200; ++i) {
       const std::string bytes(static_cast<size_t>(30 + (seed + i) % 7), 'b');
       if (!store_->Put(KeyOf(bytes), bytes, Keep::kWhileRoom).ok()) continue;
-      const BlobStore::Blob found = store_->Get(KeyOf(bytes));
-      EXPECT_TRUE(found == nullptr || *found == bytes);
+      const auto found = store_->Get(KeyOf(bytes));
+      EXPECT_TRUE(!found.ok() || **found == bytes);
     }
   };
   std::vector<std::thread> threads;

@@ -244,5 +244,17 @@ TEST(MemoryJobStoreTest, OnlyChangesOfStateAreWrittenToTheJournal) {
   EXPECT_EQ(journal.kept.at("a").progress.total_fraction, 0.5);
 }
 
+TEST(MemoryJobStoreTest, KnowsWhichBlobsJobsOfATenantName) {
+  MemoryJobStore store;
+  JobRecord record;
+  record.id = "inputs";
+  record.tenant = "lab";
+  record.inputs = {"request", "mesh"};
+  ASSERT_THAT(store.Insert(record), IsOk());
+  EXPECT_TRUE(store.HasInput("lab", "mesh"));
+  EXPECT_FALSE(store.HasInput("lab", "other"));
+  EXPECT_FALSE(store.HasInput("others", "mesh"));
+}
+
 }  // namespace
 }  // namespace isomatch

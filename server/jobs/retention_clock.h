@@ -1,0 +1,62 @@
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "absl/time/time.h"
+#include "core/base/mutex.h"
+
+namespace isomatch {
+
+/// Whether the wall clock may be believed, before something is deleted because
+/// it is old: a machine that starts with a wrong clock is put right later, what
+/// was deleted does not come back. A clock that is more than kJump ahead of
+/// what the last process saw, or moves by more than that against the steady
+/// clock, is believed once it has been steady for kGrace.
+///
+/// Thread-safe.
+class RetentionClock {
+ public:
+  static constexpr absl::Duration kJump = absl::Hours(1);
+  static constexpr absl::Duration kGrace = absl::Minutes(10);
+
+  struct Parts {
+    std::function<absl::Time()> now;
+    /// Since any moment; never set.
+    std::function<absl::Duration()> steady;
+    /// Remembers, across restarts, a time that was believed.
+    std::function<void(absl::Time)> save;
+    /// Told in words when the clock is not believed, and when it is again.
+    std::function<void(bool is_believed, const std::string& why)> on_change;
+  };
+
+  /// `last_seen`: what was saved last; not set when nothing was.
+  RetentionClock(Parts parts, std::optional<absl::Time> last_seen);
+
+  /// Looks at the clocks.
+  bool IsBelieved();
+
+ private:
+  struct Reading {
+    absl::Time wall;
+    absl::Duration steady;
+  };
+  Reading Read() const { return {parts_.now(), parts_.steady()}; }
+
+  /// What there is to say, if anything.
+  std::string Look(const Reading& now) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+
+  const Parts parts_;
+  Mutex mutex_;
+  Reading last_ ABSL_GUARDED_BY(mutex_);
+  std::optional<absl::Time> saved_ ABSL_GUARDED_BY(mutex_);
+  /// By the steady clock, since when the wall clock goes with it; not set while
+  /// it is believed.
+  std::optional<absl::Duration> steady_since_ ABSL_GUARDED_BY(mutex_);
+  /// To be told at the next look.
+  std::string at_start_ ABSL_GUARDED_BY(mutex_);
+};
+
+}  // namespace isomatch
