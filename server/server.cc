@@ -32,6 +32,7 @@
 #include "server/rpc/access.h"
 #include "server/rpc/api_keys.h"
 #include "server/rpc/call_interceptor.h"
+#include "server/rpc/channel_arguments.h"
 #include "server/rpc/correspondence_service.h"
 #include "server/rpc/server_credentials.h"
 #include "server/server_limits.h"
@@ -44,9 +45,6 @@ namespace {
 /// and gRPC to end streams then. Together below the second that main.cc allows.
 constexpr absl::Duration kLastCalls = absl::Milliseconds(400);
 constexpr absl::Duration kStreamsEnd = absl::Milliseconds(400);
-
-/// What gRPC may hold for all its connections.
-constexpr size_t kGrpcBytes = size_t{512} << 20;
 
 /// What the process itself has, and memory that was freed but not given back.
 constexpr std::int64_t kProcessBytes = std::int64_t{256} << 20;
@@ -149,26 +147,6 @@ class WithoutReflection : public grpc::ServerBuilderOption {
                    plugins->end());
   }
 };
-
-void SetChannelArguments(const RequestLimits& limits,
-                         grpc::ServerBuilder& builder) {
-  constexpr int kSecond = 1000;  // milliseconds
-  constexpr int kHour = 3600 * kSecond;
-  builder.SetMaxReceiveMessageSize(static_cast<int>(limits.max_request_bytes));
-  // A second server on the port must fail instead of sharing it.
-  builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
-  builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, 1000);
-  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, 60 * kSecond);
-  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 20 * kSecond);
-  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
-  builder.AddChannelArgument(
-      GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, 20 * kSecond);
-  builder.AddChannelArgument(GRPC_ARG_MAX_CONNECTION_AGE_MS, kHour);
-  builder.AddChannelArgument(GRPC_ARG_MAX_CONNECTION_AGE_GRACE_MS, kHour / 6);
-  grpc::ResourceQuota quota("isomatch");
-  quota.Resize(kGrpcBytes);
-  builder.SetResourceQuota(quota);
-}
 
 }  // namespace
 
