@@ -12,6 +12,7 @@
 #include "absl/time/clock.h"
 #include "core/base/version.h"
 #include "server/logging/log.h"
+#include "server/rpc/file_limit.h"
 #include "server/rpc/grpc_logging.h"
 #include "server/rpc/health_probe.h"
 #include "server/server.h"
@@ -58,6 +59,26 @@ std::string ClientFlags(const ServerConfig& config) {
   return flags;
 }
 
+std::string DescribeConnections(const ConnectionLimits& limits) {
+  std::string text = absl::StrCat("connections: at most ", limits.most);
+  if (limits.of_one_address > 0) {
+    absl::StrAppend(&text, ", ", limits.of_one_address,
+                    " of one address beyond this machine");
+  }
+  return text;
+}
+
+/// What an operator should not have to find out from the first attack.
+void WarnOfFloods(const ServerConfig& config) {
+  if (config.behind_edge || !config.is_exposed()) return;
+  Log(LogLevel::kWarning,
+      absl::StrCat("--listen = ", config.listen,
+                   " can be reached by other machines, and gRPC lets a peer "
+                   "without a key fill the memory (HTTP/2 resets, endless "
+                   "headers). Put a proxy in front that stops this, such as "
+                   "docker/edge, and say so by --behind-edge"));
+}
+
 /// All that the operator of a new server needs, on one screen.
 void LogStart(const ServerConfig& config, const Server& server) {
   const auto say = [](const std::string& line) { Log(LogLevel::kInfo, line); };
@@ -81,10 +102,12 @@ void LogStart(const ServerConfig& config, const Server& server) {
                    FormatBytes(server.limits().max_request_bytes),
                    ", larger meshes are uploaded, up to ",
                    FormatBytes(server.limits().max_mesh_bytes)));
+  say(DescribeConnections(server.connection_limits()));
   say(metrics.empty() ? "metrics: off"
                       : absl::StrCat("metrics: http://", metrics, "/metrics"));
   say(absl::StrCat("a first job: isomatch match --server ", server.address(),
                    ClientFlags(config), " X Y -o MAP"));
+  WarnOfFloods(config);
 }
 
 /// How a server ends.
@@ -148,6 +171,7 @@ int Serve(const ServerConfig& config) {
   // A file that may not grow is a full disk, not the end.
   (void)std::signal(SIGXFSZ, SIG_IGN);
   umask(S_IRWXG | S_IRWXO);  // what it stores is nobody else's
+  RaiseFileLimit();
   const sigset_t signals = BlockStopSignals();
   std::atomic<bool> has_given_up = false;
   const auto give_up = [&](const std::string& reason) {

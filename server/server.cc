@@ -29,6 +29,7 @@
 #include "server/jobs/thread_pool.h"
 #include "server/logging/log.h"
 #include "server/metrics/prometheus_metrics.h"
+#include "server/rpc/accept_loop.h"
 #include "server/rpc/access.h"
 #include "server/rpc/api_keys.h"
 #include "server/rpc/call_interceptor.h"
@@ -114,6 +115,14 @@ RetentionClock::Parts MakeClockParts(const ServerConfig& config) {
               }};
 }
 
+ConnectionLimits MakeConnectionLimits(const ServerConfig& config) {
+  ConnectionLimits limits = ChooseConnectionLimits(
+      config.max_connections, config.max_connections_per_address, FileLimit());
+  // All connections come from the proxy.
+  if (config.behind_edge) limits.of_one_address = 0;
+  return limits;
+}
+
 /// Null when there is to be no endpoint.
 std::unique_ptr<PrometheusMetrics> MakeMetrics(const ServerConfig& config) {
   if (config.listen.empty() || config.metrics_listen == "off") return nullptr;
@@ -159,7 +168,9 @@ class Server::Impl {
   absl::Status Listen();
   void Shutdown(absl::Duration drain);
 
-  std::string address() const;
+  std::string address() const {
+    return accept_loop_ == nullptr ? "" : accept_loop_->address();
+  }
   std::string metrics_address() const {
     return prometheus_ == nullptr ? "" : prometheus_->address();
   }
@@ -167,6 +178,9 @@ class Server::Impl {
   int threads_per_job() const { return context_.parse.threads_per_job; }
   const RequestLimits& limits() const { return context_.parse.limits; }
   JobManager::Load load() const { return manager_.load(); }
+  const ConnectionLimits& connection_limits() const {
+    return connection_limits_;
+  }
   std::shared_ptr<grpc::Channel> InProcessChannel() {
     return grpc_->InProcessChannel(grpc::ChannelArguments());
   }
@@ -175,6 +189,8 @@ class Server::Impl {
   JobManager::Limits MakeJobLimits() const;
   JobManager::Parts MakeJobParts();
   ServiceContext MakeContext();
+  absl::Status OpenPort(grpc::ServerBuilder& builder);
+  void HandOver(int socket);
   void OnState(const JobRecord& job);
   JobManager::MemoryFigures ReadMemory() const;
   LoadFigures ReadLoad();
@@ -182,6 +198,7 @@ class Server::Impl {
   MakeInterceptors();
 
   const ServerConfig config_;
+  const ConnectionLimits connection_limits_;
   const Access access_;
   const std::unique_ptr<PrometheusMetrics> prometheus_;
   Metrics& metrics_;
@@ -210,9 +227,11 @@ class Server::Impl {
   JobManager manager_;
   const ServiceContext context_;
   CorrespondenceService service_;
-  int port_ = 0;
   std::once_flag shutdown_;
   PortCredentials port_credentials_;
+  std::unique_ptr<grpc::experimental::ExternalConnectionAcceptor> acceptor_;
+  /// Null without a port.
+  std::unique_ptr<AcceptLoop> accept_loop_;
   std::unique_ptr<grpc::Server> grpc_;
 };
 
@@ -220,6 +239,7 @@ Server::Impl::Impl(const ServerConfig& config, MatchEngine engine,
                    std::unique_ptr<ApiKeys> keys, Stores stores,
                    OnGiveUp on_give_up)
     : config_(config),
+      connection_limits_(MakeConnectionLimits(config)),
       access_(std::move(keys)),
       prometheus_(MakeMetrics(config)),
       metrics_(prometheus_ == nullptr ? NullMetrics() : *prometheus_),
@@ -373,19 +393,32 @@ ServiceContext Server::Impl::MakeContext() {
   return context;
 }
 
+absl::Status Server::Impl::OpenPort(grpc::ServerBuilder& builder) {
+  using Type = grpc::ServerBuilder::experimental_type::ExternalConnectionType;
+  ISOMATCH_ASSIGN_OR_RETURN(
+      port_credentials_, MakePortCredentials({config_.tls_cert, config_.tls_key,
+                                              config_.tls_client_ca},
+                                             ReloadLogger("certificates")));
+  ISOMATCH_ASSIGN_OR_RETURN(
+      accept_loop_, AcceptLoop::Listen(config_.listen, connection_limits_));
+  acceptor_ = builder.experimental().AddExternalConnectionAcceptor(
+      Type::FROM_FD, port_credentials_.credentials);
+  return absl::OkStatus();
+}
+
+void Server::Impl::HandOver(int socket) {
+  grpc::experimental::ExternalConnectionAcceptor::NewConnectionParameters made;
+  made.fd = socket;
+  acceptor_->HandleNewConnection(&made);
+}
+
 absl::Status Server::Impl::Listen() {
   manager_.Begin();
   InitGrpcPlugins();
   grpc::ServerBuilder builder;
   SetChannelArguments(context_.parse.limits, builder);
   if (!config_.listen.empty()) {
-    ISOMATCH_ASSIGN_OR_RETURN(
-        port_credentials_,
-        MakePortCredentials(
-            {config_.tls_cert, config_.tls_key, config_.tls_client_ca},
-            ReloadLogger("certificates")));
-    builder.AddListeningPort(config_.listen, port_credentials_.credentials,
-                             &port_);
+    ISOMATCH_RETURN_IF_ERROR(OpenPort(builder));
   }
   builder.RegisterService(&service_);
   if (config_.no_reflection) {
@@ -397,14 +430,12 @@ absl::Status Server::Impl::Listen() {
   interceptors.push_back(MakeInterceptors());
   builder.experimental().SetInterceptorCreators(std::move(interceptors));
   grpc_ = builder.BuildAndStart();
-  if (grpc_ == nullptr) {
-    return absl::UnavailableError(
-        absl::StrCat("cannot listen on ", config_.listen,
-                     ": is the port in use, or the address not of this "
-                     "machine?"));
-  }
+  if (grpc_ == nullptr) return absl::InternalError("gRPC does not start");
   grpc_->GetHealthCheckService()->SetServingStatus(
       v1::CorrespondenceService::service_full_name(), true);
+  if (accept_loop_ != nullptr) {
+    accept_loop_->Start([this](int socket) { HandOver(socket); });
+  }
   if (prometheus_ == nullptr) return absl::OkStatus();
   return prometheus_->Listen(config_.metrics_listen,
                              [this] { return ReadLoad(); });
@@ -418,19 +449,12 @@ void Server::Impl::Shutdown(absl::Duration drain) {
     const bool jobs_run = manager_.load().running_jobs > 0;
     manager_.Shutdown(drain);
     if (jobs_run && drain > absl::ZeroDuration()) absl::SleepFor(kLastCalls);
+    // What gRPC is given once it shuts down would stay open.
+    if (accept_loop_ != nullptr) accept_loop_->Stop();
     if (grpc_ != nullptr) {
       grpc_->Shutdown(absl::ToChronoTime(absl::Now() + kStreamsEnd));
     }
   });
-}
-
-std::string Server::Impl::address() const {
-  const std::string& listen = config_.listen;
-  const size_t colon = listen.rfind(':');
-  if (listen.rfind("unix:", 0) == 0 || colon == std::string::npos) {
-    return listen;
-  }
-  return absl::StrCat(listen.substr(0, colon), ":", port_);
 }
 
 absl::StatusOr<std::unique_ptr<Server>> Server::Create(
@@ -456,6 +480,9 @@ std::string Server::address() const { return impl_->address(); }
 std::string Server::metrics_address() const { return impl_->metrics_address(); }
 int Server::threads_per_job() const { return impl_->threads_per_job(); }
 const RequestLimits& Server::limits() const { return impl_->limits(); }
+const ConnectionLimits& Server::connection_limits() const {
+  return impl_->connection_limits();
+}
 std::int64_t Server::memory_budget_bytes() const {
   return impl_->budget().total_bytes();
 }

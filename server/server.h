@@ -10,6 +10,7 @@
 #include "absl/time/time.h"
 #include "server/convert/request_limits.h"
 #include "server/jobs/match_engine.h"
+#include "server/rpc/file_limit.h"
 #include "server/server_config.h"
 
 namespace isomatch {
@@ -67,6 +68,9 @@ class Server {
   /// What requests may contain: the configuration's limits, or less where the
   /// memory budget has no room for them.
   const RequestLimits& limits() const;
+
+  /// How many may be connected.
+  const ConnectionLimits& connection_limits() const;
 
   /// Threads each job gets.
   int threads_per_job() const;

@@ -60,17 +60,14 @@ absl::Status CheckTls(const ServerConfig& config) {
 
 /// REQUIRES: CheckListen(config.listen) is OK.
 absl::Status CheckExposure(const ServerConfig& config) {
-  const std::string& listen = config.listen;
-  if (config.insecure || listen.empty() || absl::StartsWith(listen, "unix:") ||
-      IsLoopback(listen.substr(0, listen.rfind(':')))) {
-    return absl::OkStatus();
-  }
+  if (config.insecure || !config.is_exposed()) return absl::OkStatus();
   std::vector<absl::string_view> missing;
   if (config.tls_cert.empty()) missing.push_back("TLS (--tls-cert, --tls-key)");
   if (config.api_keys.empty()) missing.push_back("API keys (--api-keys)");
   if (missing.empty()) return absl::OkStatus();
   return absl::InvalidArgumentError(absl::StrCat(
-      "--listen = ", listen, " can be reached by other machines without ",
+      "--listen = ", config.listen,
+      " can be reached by other machines without ",
       absl::StrJoin(missing, " and without "),
       ". Expected both, or a loopback address such as 127.0.0.1:7443, or "
       "--insecure if the network is trusted or a TLS proxy stands in front"));
@@ -120,6 +117,11 @@ absl::Status CheckServerAddress(absl::string_view field,
                     "HOST:PORT, e.g. 127.0.0.1:7443, or unix:PATH");
 }
 
+bool ServerConfig::is_exposed() const {
+  return !listen.empty() && !absl::StartsWith(listen, "unix:") &&
+         !IsLoopback(listen.substr(0, listen.rfind(':')));
+}
+
 absl::Status ServerConfig::Validate() const {
   ISOMATCH_RETURN_IF_ERROR(CheckListen(listen));
   ISOMATCH_RETURN_IF_ERROR(CheckTls(*this));
@@ -167,6 +169,11 @@ absl::Status ServerConfig::Validate() const {
       CheckDuration("--max-run-time", max_run_time, kMaxRunTime));
   ISOMATCH_RETURN_IF_ERROR(CheckDuration(
       "--unresponsive-grace", unresponsive_grace, kUnresponsiveGrace));
+  ISOMATCH_RETURN_IF_ERROR(
+      CheckCount("--max-connections", max_connections, kMaxConnections));
+  ISOMATCH_RETURN_IF_ERROR(CheckCount("--max-connections-per-address",
+                                      max_connections_per_address,
+                                      kMaxConnections));
   ISOMATCH_RETURN_IF_ERROR(
       CheckDuration("--drain-timeout", drain_timeout, kDrainTimeout));
   ISOMATCH_RETURN_IF_ERROR(

@@ -19,6 +19,9 @@ struct ServerConfig {
   std::string listen = "127.0.0.1:7443";
   /// Allows a `listen` that other machines can reach without TLS or API keys.
   bool insecure = false;
+  /// Whether a proxy that stops floods of HTTP/2 stands in front of `listen`:
+  /// there is no limit per address then, as all connections are the proxy's.
+  bool behind_edge = false;
   /// HOST:PORT of the metrics, IPv4; "off" for none. A server without
   /// `listen` has none either.
   std::string metrics_listen = "127.0.0.1:7444";
@@ -108,6 +111,13 @@ struct ServerConfig {
   static constexpr IntRange kMaxMeshBytes = {1, std::int64_t{1} << 40};
   std::int64_t max_mesh_bytes = std::int64_t{256} << 20;
 
+  /// Open connections. 0 is 10,000; what the limit of open files has no room
+  /// for is cut off; see ChooseConnectionLimits.
+  static constexpr IntRange kMaxConnections = {0, 1'000'000};
+  int max_connections = 0;
+  /// Of one address; 0 is an eighth of them. This machine's have no limit.
+  int max_connections_per_address = 0;
+
   // How long things last.
 
   /// What a job may run, whatever it asked for; 0 for no limit.
@@ -153,6 +163,9 @@ struct ServerConfig {
 
   /// INVALID_ARGUMENT naming field, value and allowed range.
   absl::Status Validate() const;
+
+  /// Whether other machines can reach `listen`.
+  bool is_exposed() const;
 };
 
 /// INVALID_ARGUMENT naming the field when `address` is neither HOST:PORT nor

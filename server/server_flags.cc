@@ -56,6 +56,10 @@ void AddNetworkFlags(FlagSet& flags, ServerConfig& config) {
                 "HOST:PORT or unix:PATH; port 0 picks a free one");
   flags.AddSwitch("--insecure", config.insecure,
                   "Allow --listen beyond this machine without TLS or API keys");
+  flags.AddSwitch("--behind-edge", config.behind_edge,
+                  "A proxy in front of --listen stops floods of HTTP/2, as "
+                  "docker/edge does: no warning at the start, no limit per "
+                  "address");
   flags.AddText("--metrics-listen", config.metrics_listen, "ADDRESS",
                 "HOST:PORT of the metrics for Prometheus, in plain HTTP; port "
                 "0 picks a free one, off is none");
@@ -178,6 +182,15 @@ void AddLimitFlags(FlagSet& flags, ServerConfig& config) {
   flags.AddBytes("--max-mesh-bytes", config.max_mesh_bytes,
                  ServerConfig::kMaxMeshBytes,
                  "Largest uploaded mesh, up to half of --blob-store-bytes");
+  flags.AddCount("--max-connections", config.max_connections,
+                 ServerConfig::kMaxConnections,
+                 "Open connections; 0 is 10000, or what the limit of open "
+                 "files has room for; more are closed at once");
+  flags.AddCount("--max-connections-per-address",
+                 config.max_connections_per_address,
+                 ServerConfig::kMaxConnections,
+                 "Of one address, of IPv6 of one /64; 0 is an eighth of "
+                 "--max-connections; none for this machine");
 }
 
 void AddTenantFlags(FlagSet& flags, ServerConfig& config) {

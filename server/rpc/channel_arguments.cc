@@ -24,9 +24,12 @@ void SetChannelArguments(const RequestLimits& limits,
   constexpr int kHour = 60 * kMinute;
   builder.SetMaxReceiveMessageSize(static_cast<int>(limits.max_request_bytes));
   RefuseCompression(builder);
-  // A second server on the port must fail instead of sharing it.
-  builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
   builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, 1000);
+  // Who says nothing, or nothing more, gives its connection back; clients
+  // connect again by themselves with their next call.
+  builder.AddChannelArgument(GRPC_ARG_SERVER_HANDSHAKE_TIMEOUT_MS,
+                             20 * kSecond);
+  builder.AddChannelArgument(GRPC_ARG_MAX_CONNECTION_IDLE_MS, 5 * kMinute);
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, kMinute);
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 20 * kSecond);
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);

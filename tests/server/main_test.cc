@@ -15,9 +15,11 @@
 #include <unistd.h>
 #include <nlohmann/json.hpp>
 
+#include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
 #include "isomatch/v1/service.grpc.pb.h"
+#include "server/rpc/descriptor.h"
 #include "tests/server/child_process.h"
 #include "tests/server/test_server.h"
 #include "tests/support/shapes.h"
@@ -228,6 +230,94 @@ TEST(MainTest, AcceptedJobsSurviveThatItIsKilled) {
     attempts += last.job().attempt();
   }
   EXPECT_EQ(attempts, 3);  // only the one that ran is run again
+}
+
+/// A server on free ports that may have so many open files.
+struct ServerOfFewFiles {
+  ServerOfFewFiles(int files, const std::vector<std::string>& flags)
+      : process("/bin/sh", Arguments(files, flags)),
+        address(process.ReadUntil("listens on ")) {}
+
+  static std::vector<std::string> Arguments(
+      int files, const std::vector<std::string>& flags) {
+    std::vector<std::string> all = {
+        "-c",
+        absl::StrCat("ulimit -n ", files, "; exec \"$0\" \"$@\""),
+        ISOMATCH_SERVER_BINARY,
+        "--ephemeral",
+        "--listen",
+        "127.0.0.1:0",
+        "--metrics-listen",
+        "off"};
+    all.insert(all.end(), flags.begin(), flags.end());
+    return all;
+  }
+
+  ChildProcess process;
+  std::string address;
+};
+
+// Connections that say nothing, of peers without a key.
+std::vector<Descriptor> ConnectOften(const std::string& address, int count) {
+  sockaddr_in to{};
+  to.sin_family = AF_INET;
+  to.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  to.sin_port = htons(static_cast<std::uint16_t>(
+      std::stoi(address.substr(address.rfind(':') + 1))));
+  std::vector<Descriptor> made;
+  for (int i = 0; i < count; ++i) {
+    made.emplace_back(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0));
+    EXPECT_EQ(connect(made.back().get(), reinterpret_cast<sockaddr*>(&to),
+                      sizeof(to)),
+              0);
+  }
+  return made;
+}
+
+// gRPC 1.51 by itself accepts nobody any more then.
+TEST(MainTest, ItServesAfterMorePeersThanItMayHaveFiles) {
+  ServerOfFewFiles server(128, {});
+  const auto before = Connect(server.address);
+  grpc::ClientContext first;
+  v1::GetServerInfoResponse info;
+  EXPECT_TRUE(before->GetServerInfo(&first, {}, &info).ok());
+  std::vector<Descriptor> peers = ConnectOften(server.address, 200);
+  server.process.ReadUntil("new connections are refused: ");
+  grpc::ClientContext meanwhile;
+  EXPECT_TRUE(before->GetServerInfo(&meanwhile, {}, &info).ok());
+  peers.clear();
+  grpc::ClientContext after;
+  after.set_wait_for_ready(true);
+  after.set_deadline(absl::ToChronoTime(absl::Now() + absl::Seconds(20)));
+  EXPECT_TRUE(Connect(server.address)->GetServerInfo(&after, {}, &info).ok());
+}
+
+TEST(MainTest, ItMayHaveAsManyFilesAsTheSystemAllows) {
+  ChildProcess server(
+      "/bin/sh", {"-c", "ulimit -Sn 64; ulimit -Hn 400; exec \"$0\" \"$@\"",
+                  ISOMATCH_SERVER_BINARY, "--ephemeral", "--listen",
+                  "127.0.0.1:0", "--metrics-listen", "off"});
+  EXPECT_THAT(server.ReadUntil("connections: at most "), HasSubstr("300"));
+}
+
+TEST(MainTest, WhoOpensItToOthersIsToldOfFloods) {
+  const std::vector<std::string> open = {"--listen",         "0.0.0.0:0",
+                                         "--insecure",       "--ephemeral",
+                                         "--metrics-listen", "off"};
+  ChildProcess exposed(ISOMATCH_SERVER_BINARY, open);
+  EXPECT_THAT(exposed.ReadUntil("can be reached by other machines"),
+              HasSubstr("--behind-edge"));
+  std::vector<std::string> behind = open;
+  behind.push_back("--behind-edge");
+  for (const auto& flags : {behind,
+                            {"--ephemeral", "--listen", "127.0.0.1:0",
+                             "--metrics-listen", "off"}}) {
+    ChildProcess server(ISOMATCH_SERVER_BINARY, flags);
+    server.ReadUntil("a first job");
+    server.Signal(SIGTERM);
+    EXPECT_THAT(absl::StrJoin(server.ReadLines(), "\n"),
+                Not(HasSubstr("can be reached")));
+  }
 }
 
 TEST(MainTest, AFolderInUseEndsWithStatusOne) {
