@@ -4,6 +4,7 @@
 #include <condition_variable>
 #include <mutex>
 
+#include "absl/strings/match.h"
 #include "absl/time/clock.h"
 #include "client/rpc_status.h"
 
@@ -17,6 +18,13 @@ void Pause(absl::Duration duration, const std::stop_token& stop) {
   std::unique_lock lock(mutex);
   never.wait_for(lock, stop, absl::ToChronoMilliseconds(duration),
                  [] { return false; });
+}
+
+// gRPC's own words, and no details, which every error of the service has.
+bool WasReset(const grpc::Status& status) {
+  return status.error_code() == grpc::StatusCode::INTERNAL &&
+         status.error_details().empty() &&
+         absl::StrContains(status.error_message(), "RST_STREAM");
 }
 
 }  // namespace
@@ -46,6 +54,7 @@ absl::Status OfCall(const grpc::Status& status, const std::stop_token& stop) {
       !stop.stop_requested()) {
     return absl::UnavailableError("the server ended the call");
   }
+  if (WasReset(status)) return absl::UnavailableError(status.error_message());
   return FromGrpc(status);
 }
 

@@ -58,7 +58,8 @@ class StoppableContext {
 absl::Status Stopped();
 
 /// Returns what a call ended with. CANCELLED without the user's wish becomes
-/// UNAVAILABLE: a server that stops ends its calls so.
+/// UNAVAILABLE: a server that stops ends its calls so. So does INTERNAL of a
+/// stream that was reset: a proxy that loses the server does that.
 absl::Status OfCall(const grpc::Status& status, const std::stop_token& stop);
 
 /// Calls `call(context)` until it ends with anything but UNAVAILABLE, or
