@@ -22,6 +22,18 @@ def instructions():
     return found
 
 
+def edge_text(name):
+    return (ROOT / "docker/edge" / name).read_text()
+
+
+def edge_port(name):
+    return int(re.search(r"^listen (\d+) ", edge_text(name), re.MULTILINE).group(1))
+
+
+def edge_socket():
+    return re.search(r"server unix:(\S+) ", edge_text("nginx.conf")).group(1)
+
+
 class ImageTest(unittest.TestCase):
     def test_does_not_start_open_to_the_network_by_itself(self):
         answer = deployment.ask_server(["--config", str(IMAGE_CONFIG), "--print-config"], {})
@@ -34,6 +46,7 @@ class ImageTest(unittest.TestCase):
         ports = {deployment.port(config["listen"]), deployment.port(config["metrics-listen"])}
         self.assertEqual({int(port) for port in image["EXPOSE"][0].split()}, ports)
         self.assertEqual(image["VOLUME"], [config["data-dir"]])
+        self.assertTrue(any(copy.endswith(" /run/isomatch") for copy in image["COPY"]))
         self.assertEqual(image["ENV"], ["ISOMATCH_CONFIG=/etc/isomatch/server.toml"])
 
     def test_runs_as_a_user_and_asks_the_server_for_its_health(self):
@@ -70,23 +83,42 @@ class ImageTest(unittest.TestCase):
         self.assertNotIn("libgtest-dev", above)
 
 
+class EdgeImageTest(unittest.TestCase):
+    def test_says_what_the_configuration_says(self):
+        text = (ROOT / "docker/edge/Dockerfile").read_text()
+        self.assertIn(f"EXPOSE {edge_port('listen.conf')}\n", text)
+        self.assertEqual(edge_port("listen.conf"), edge_port("listen.tls.conf"))
+        self.assertIn("USER 10001:10001\n", text)
+        self.assertIn(f"/socket {edge_socket().rpartition('/')[0]}\n", text)
+        self.assertIn('"-c", "/etc/isomatch-edge/nginx.conf"]', text)
+        self.assertIn("include /etc/isomatch-edge/listen.conf;", edge_text("nginx.conf"))
+
+
 class ComposeTest(unittest.TestCase):
     def setUp(self):
         [self.compose] = deployment.documents(ROOT / "docker/compose.yaml")
         [self.tls] = deployment.documents(ROOT / "docker/compose.tls.yaml")
         self.server = self.compose["services"]["server"]
+        self.edge = self.compose["services"]["edge"]
         self.config = deployment.effective(IMAGE_CONFIG, self.server["environment"])
 
-    def test_image_is_this_version(self):
-        self.assertEqual(self.server["image"], f"isomatch-server:{deployment.project_version()}")
+    def test_images_are_this_version(self):
+        for name, service in (("isomatch-server", self.server), ("isomatch-edge", self.edge)):
+            self.assertEqual(service["image"], f"{name}:{deployment.project_version()}")
 
     def test_without_tls_the_ports_are_this_machines(self):
         for name, service in self.compose["services"].items():
-            for mapping in service["ports"]:
+            for mapping in service.get("ports", []):
                 self.assertRegex(mapping, r"^127\.0\.0\.1:", name)
-        self.assertEqual(
-            self.server["ports"], [f"127.0.0.1:7443:{deployment.port(self.config['listen'])}"]
-        )
+
+    def test_the_server_is_reached_through_the_edge_only(self):
+        self.assertNotIn("ports", self.server)
+        self.assertEqual(self.edge["ports"], [f"127.0.0.1:7443:{edge_port('listen.conf')}"])
+        self.assertEqual(self.config["listen"], f"unix:{edge_socket()}")
+        self.assertEqual(self.config["insecure"], "false")
+        folder = edge_socket().rpartition("/")[0]
+        for service in (self.server, self.edge):
+            self.assertIn(f"socket:{folder}", service["volumes"])
 
     def test_memory_budget_fits_the_container(self):
         budget = deployment.size(self.config["memory-budget"])
@@ -101,11 +133,19 @@ class ComposeTest(unittest.TestCase):
         self.assertGreater(grace, drain + stop + deployment.LAST_SECONDS)
 
     def test_root_is_read_only_and_privileges_are_dropped(self):
-        self.assertIs(self.server["read_only"], True)
-        self.assertEqual(self.server["cap_drop"], ["ALL"])
-        self.assertEqual(self.server["security_opt"], ["no-new-privileges:true"])
-        self.assertEqual(self.server["volumes"], [f"data:{self.config['data-dir']}"])
-        self.assertIn("data", self.compose["volumes"])
+        for service in (self.server, self.edge):
+            self.assertIs(service["read_only"], True)
+            self.assertEqual(service["cap_drop"], ["ALL"])
+            self.assertEqual(service["security_opt"], ["no-new-privileges:true"])
+        self.assertIn(f"data:{self.config['data-dir']}", self.server["volumes"])
+        self.assertLessEqual({"data", "socket"}, set(self.compose["volumes"]))
+
+    def test_the_edge_may_open_what_it_opens(self):
+        text = edge_text("nginx.conf")
+        files = int(re.search(r"worker_rlimit_nofile (\d+);", text).group(1))
+        connections = int(re.search(r"worker_connections (\d+);", text).group(1))
+        self.assertGreater(files, 2 * connections)
+        self.assertEqual(self.edge["ulimits"]["nofile"], files)
 
     def test_prometheus_asks_where_the_metrics_are(self):
         [scrape] = deployment.documents(ROOT / "docker/prometheus.yml")
@@ -122,16 +162,23 @@ class ComposeTest(unittest.TestCase):
                 if source.startswith("./"):
                     self.assertTrue((ROOT / "docker" / source).exists(), source)
 
-    def test_with_tls_the_server_needs_no_insecure(self):
-        server = self.tls["services"]["server"]
+    def test_with_tls_files_are_where_both_look(self):
+        server, edge = (self.tls["services"][name] for name in ("server", "edge"))
         settings = {**self.server["environment"], **server["environment"]}
         config = deployment.effective(IMAGE_CONFIG, settings)
         self.assertEqual(config["insecure"], "false")
-        self.assertEqual(config["insecure-metrics"], "true")
-        [mount] = server["volumes"]
-        folder = re.fullmatch(r"\./secrets:(.*):ro", mount).group(1)
-        for key in ("tls-cert", "tls-key", "api-keys"):
-            self.assertTrue(config[key].startswith(folder + "/"), config[key])
+        [keys] = server["volumes"]
+        listen, tls = edge["volumes"]
+        self.assertEqual(edge["ports"], [f"7443:{edge_port('listen.tls.conf')}"])
+        self.assertEqual(
+            listen, "./edge/listen.tls.conf:/etc/isomatch-edge/listen.conf:ro"
+        )
+        self.assertEqual(
+            config["api-keys"].rpartition("/")[0],
+            re.fullmatch(r"\./secrets/api-keys:(.*):ro", keys).group(1),
+        )
+        folder = re.fullmatch(r"\./secrets/tls:(.*):ro", tls).group(1)
+        self.assertIn(f"default {folder};", edge_text("nginx.conf"))
 
 
 if __name__ == "__main__":

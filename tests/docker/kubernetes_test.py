@@ -1,5 +1,6 @@
 """docker/kubernetes: settings judged by the real server, and whether parts fit."""
 
+import re
 import unittest
 
 import deployment
@@ -9,12 +10,15 @@ PROBES = ("startupProbe", "readinessProbe", "livenessProbe")
 
 
 def manifests():
-    """Returns the objects by kind; each kind is there once."""
+    """Returns the objects by kind; each kind is there once, but ConfigMaps by name."""
     found = {}
     for path in sorted((ROOT / "docker/kubernetes").glob("*.yaml")):
         for document in deployment.documents(path):
-            assert document["kind"] not in found, f"{path}: a second {document['kind']}"
-            found[document["kind"]] = document
+            kind = document["kind"]
+            if kind == "ConfigMap":
+                kind = document["metadata"]["name"]
+            assert kind not in found, f"{path}: a second {kind}"
+            found[kind] = document
     return found
 
 
@@ -23,8 +27,8 @@ class KubernetesTest(unittest.TestCase):
         self.objects = manifests()
         self.spec = self.objects["StatefulSet"]["spec"]
         self.pod = self.spec["template"]["spec"]
-        [self.container] = self.pod["containers"]
-        text = self.objects["ConfigMap"]["data"]["server.toml"]
+        self.container, self.edge = self.pod["containers"]
+        text = self.objects["isomatch-server"]["data"]["server.toml"]
         self.config = deployment.effective_text(text, {})
 
     def test_all_live_in_the_namespace(self):
@@ -32,34 +36,51 @@ class KubernetesTest(unittest.TestCase):
         for kind, thing in self.objects.items():
             self.assertEqual(thing["metadata"]["namespace"], namespace, kind)
 
-    def test_the_server_needs_tls_and_keys_and_finds_them(self):
+    def expect_secret(self, container, folder):
+        [mount] = [m for m in container["volumeMounts"] if m["mountPath"] == folder]
+        [volume] = [v for v in self.pod["volumes"] if v["name"] == mount["name"]]
+        self.assertIn("secret", volume)
+        self.assertNotIn("subPath", mount)  # such a mount never changes
+
+    def test_the_server_has_keys_and_the_edge_tls(self):
         self.assertEqual(self.config["insecure"], "false")
         self.assertEqual(self.config["insecure-metrics"], "true")
-        for key in ("tls-cert", "tls-key", "api-keys"):
-            folder, _, name = self.config[key].rpartition("/")
-            [mount] = [m for m in self.container["volumeMounts"] if m["mountPath"] == folder]
-            [volume] = [v for v in self.pod["volumes"] if v["name"] == mount["name"]]
-            self.assertIn("secret", volume)
-            self.assertNotIn("subPath", mount)  # such a mount never changes
-            self.assertIn(name, ("tls.crt", "tls.key", "keys.txt"))
+        folder, _, name = self.config["api-keys"].rpartition("/")
+        self.assertEqual(name, "keys.txt")
+        self.expect_secret(self.container, folder)
+        text = (ROOT / "docker/edge/nginx.conf").read_text()
+        self.expect_secret(self.edge, re.search(r"default (/run/\S+);", text).group(1))
+
+    def test_the_edge_is_the_one_that_is_tested(self):
+        listen = self.objects["isomatch-edge"]["data"]["listen.conf"]
+        self.assertEqual(listen, (ROOT / "docker/edge/listen.tls.conf").read_text())
+        [mount] = [m for m in self.edge["volumeMounts"] if m["name"] == "edge"]
+        self.assertEqual(mount["mountPath"], f"/etc/isomatch-edge/{mount['subPath']}")
+
+    def test_both_share_the_socket(self):
+        folder = self.config["listen"].removeprefix("unix:").rpartition("/")[0]
+        for container in (self.container, self.edge):
+            [mount] = [m for m in container["volumeMounts"] if m["name"] == "socket"]
+            self.assertEqual(mount["mountPath"], folder)
 
     def test_the_configuration_is_where_the_image_looks(self):
         [mount] = [m for m in self.container["volumeMounts"] if m["name"] == "config"]
         [volume] = [v for v in self.pod["volumes"] if v["name"] == "config"]
         self.assertEqual(mount["mountPath"], "/etc/isomatch")
-        self.assertEqual(
-            volume["configMap"]["name"], self.objects["ConfigMap"]["metadata"]["name"]
-        )
+        self.assertIn(volume["configMap"]["name"], self.objects)
 
     def test_every_mount_has_a_volume(self):
         volumes = [volume["name"] for volume in self.pod["volumes"]]
         volumes += [claim["metadata"]["name"] for claim in self.spec["volumeClaimTemplates"]]
-        self.assertEqual(sorted(volumes), sorted(m["name"] for m in self.container["volumeMounts"]))
+        mounts = [m["name"] for c in self.pod["containers"] for m in c["volumeMounts"]]
+        self.assertEqual(set(volumes), set(mounts))
+        self.assertEqual(len(volumes), len(set(volumes)))
 
-    def test_image_is_this_version(self):
-        self.assertEqual(
-            self.container["image"], f"isomatch-server:{deployment.project_version()}"
-        )
+    def test_images_are_this_version(self):
+        for name, container in (("server", self.container), ("edge", self.edge)):
+            self.assertEqual(
+                container["image"], f"isomatch-{name}:{deployment.project_version()}"
+            )
 
     def test_memory_and_processors_fit_the_limits(self):
         limits = self.container["resources"]["limits"]
@@ -98,23 +119,26 @@ class KubernetesTest(unittest.TestCase):
 
     def test_pod_is_restricted(self):
         pod = self.pod["securityContext"]
-        container = self.container["securityContext"]
         self.assertIs(pod["runAsNonRoot"], True)
         self.assertEqual((pod["runAsUser"], pod["fsGroup"]), (10001, 10001))
         self.assertEqual(pod["seccompProfile"], {"type": "RuntimeDefault"})
-        self.assertIs(container["allowPrivilegeEscalation"], False)
-        self.assertIs(container["readOnlyRootFilesystem"], True)
-        self.assertEqual(container["capabilities"], {"drop": ["ALL"]})
+        for one in (self.container, self.edge):
+            container = one["securityContext"]
+            self.assertIs(container["allowPrivilegeEscalation"], False)
+            self.assertIs(container["readOnlyRootFilesystem"], True)
+            self.assertEqual(container["capabilities"], {"drop": ["ALL"]})
         self.assertIs(self.pod["automountServiceAccountToken"], False)
         labels = self.objects["Namespace"]["metadata"]["labels"]
         self.assertEqual(labels["pod-security.kubernetes.io/enforce"], "restricted")
 
-    def test_ports_are_those_the_server_listens_on(self):
-        ports = {port["name"]: port["containerPort"] for port in self.container["ports"]}
+    def test_ports_are_those_that_are_listened_on(self):
+        listen = self.objects["isomatch-edge"]["data"]["listen.conf"]
+        containers = (self.container, self.edge)
+        ports = {p["name"]: p["containerPort"] for c in containers for p in c["ports"]}
         self.assertEqual(
             ports,
             {
-                "grpc": deployment.port(self.config["listen"]),
+                "grpc": int(re.search(r"^listen (\d+) ssl", listen, re.MULTILINE).group(1)),
                 "metrics": deployment.port(self.config["metrics-listen"]),
             },
         )
