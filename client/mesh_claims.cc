@@ -9,7 +9,6 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
-#include "client/ply_file.h"
 #include "client/text_file.h"
 #include "core/base/status_macros.h"
 
@@ -41,35 +40,6 @@ Words OffWords(absl::string_view head) {
   return words;
 }
 
-bool SkipPlyProperty(const PlyProperty& property, PlyBody& body) {
-  std::int64_t count = 1;
-  if (property.count_type) {
-    const auto length = body.TakeLength(*property.count_type);
-    if (!length || *length < 0) return false;
-    count = *length;
-  }
-  return body.Skip(count, property.type);
-}
-
-absl::Status SkipPlyElement(const PlyElement& element, PlyBody& body) {
-  // Of nothing there can be any number, and a reader would count to it.
-  if (element.properties.empty() && element.count > 0) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        "the header's element ", element.name, " has no properties"));
-  }
-  for (std::int64_t item = 0; item < element.count; ++item) {
-    for (const PlyProperty& property : element.properties) {
-      if (SkipPlyProperty(property, body)) continue;
-      return absl::InvalidArgumentError(absl::StrCat(
-          "the header claims ", element.count, " of element ", element.name,
-          ", but the file ends, or has a wrong number or length of a list, "
-          "in item ",
-          item, " (0-based)"));
-    }
-  }
-  return absl::OkStatus();
-}
-
 }  // namespace
 
 absl::Status CheckOffClaims(absl::string_view bytes) {
@@ -89,19 +59,6 @@ absl::Status CheckOffClaims(absl::string_view bytes) {
   return CheckFits(absl::StrCat(vertices, " vertices and ", faces, " faces"),
                    vertices * kOffVertexBytes + faces * kOffFaceBytes,
                    static_cast<std::int64_t>(bytes.size()));
-}
-
-absl::Status CheckPlyClaims(absl::string_view bytes) {
-  if (!absl::StartsWith(bytes, "ply")) {
-    return absl::InvalidArgumentError(
-        "expected the letters ply at its beginning");
-  }
-  ISOMATCH_ASSIGN_OR_RETURN(const PlyHeader header, TakePlyHeader(bytes));
-  PlyBody body(bytes, header.format);
-  for (const PlyElement& element : header.elements) {
-    ISOMATCH_RETURN_IF_ERROR(SkipPlyElement(element, body));
-  }
-  return absl::OkStatus();
 }
 
 }  // namespace isomatch

@@ -3,10 +3,14 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/string_view.h"
 #include "client/mesh_claims.h"
+#include "client/mesh_fault.h"
+#include "client/obj_reader.h"
 #include "client/ply_file.h"
 #include "client/polygon_soup.h"
 #include "client/text_file.h"
@@ -50,21 +54,35 @@ absl::Status CheckExtension(const std::string& subject,
       subject, ": the extension is '", extension, "', expected ", kExpected));
 }
 
-// Compares what the file claims with the bytes it has.
-absl::Status CheckClaims(const std::string& path,
-                         const std::string& extension) {
-  if (extension != ".off" && extension != ".ply") return absl::OkStatus();
-  ISOMATCH_ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, kExpected));
-  return extension == ".off" ? CheckOffClaims(bytes) : CheckPlyClaims(bytes);
+absl::Status FaultError(const std::string& subject, const MeshFault& fault) {
+  return absl::InvalidArgumentError(absl::StrCat(
+      subject, fault.place.empty() ? "" : ", ", fault.place, ": ", fault.what));
 }
 
-absl::Status CheckSoup(const PolygonSoup& soup) {
+// Compares what the file claims with the bytes it has. PLY and STL files are
+// read to their end, which costs little beside their reader's work.
+absl::Status CheckClaims(const std::string& subject,
+                         const std::string& extension,
+                         absl::string_view bytes) {
+  if (extension == ".off") {
+    const absl::Status status = CheckOffClaims(bytes);
+    return status.ok() ? status : WithSubject(subject, status);
+  }
+  if (extension == ".obj") return absl::OkStatus();
+  // CGAL takes an STL file with a coordinate that is no number.
+  const std::optional<MeshFault> fault =
+      extension == ".ply" ? FindPlyFault(bytes) : FindStlFault(bytes);
+  return fault ? FaultError(subject, *fault) : absl::OkStatus();
+}
+
+absl::Status CheckSoup(const PolygonSoup& soup, const std::string& extension) {
   if (soup.points.empty()) {
-    return absl::InvalidArgumentError("no vertices, expected some");
+    return absl::InvalidArgumentError(
+        absl::StrCat("no vertices, expected ", Grammar(extension)));
   }
   if (soup.polygons.empty()) {
-    return absl::InvalidArgumentError(
-        "vertices but no faces, expected a surface");
+    return absl::InvalidArgumentError(absl::StrCat(
+        "vertices but no faces, expected a surface: ", Grammar(extension)));
   }
   if (soup.points.size() > std::numeric_limits<VertexIndex>::max()) {
     return absl::InvalidArgumentError(absl::StrCat(
@@ -142,6 +160,36 @@ std::vector<std::string> Warnings(const PolygonSoup& soup,
   return warnings;
 }
 
+// Why CGAL refused the file, which says nothing itself.
+absl::Status Refusal(const std::string& subject, const std::string& extension,
+                     absl::string_view bytes) {
+  if (extension == ".off") {
+    const std::optional<MeshFault> fault = FindOffFault(bytes);
+    if (fault) return FaultError(subject, *fault);
+  }
+  return absl::InvalidArgumentError(
+      absl::StrCat(subject,
+                   ": not a mesh that can be read to its end, "
+                   "expected finite numbers and ",
+                   Grammar(extension)));
+}
+
+// Makes the mesh of what was read.
+absl::Status UseSoup(const PolygonSoup& soup, const std::string& subject,
+                     const std::string& extension, LoadedMesh* loaded) {
+  if (const absl::Status status = CheckSoup(soup, extension); !status.ok()) {
+    return WithSubject(subject, status);
+  }
+  loaded->mesh.positions = ToPositions(soup);
+  loaded->mesh.faces = Triangulate(soup, loaded->mesh.positions);
+  for (std::string& warning : Warnings(soup, extension)) {
+    loaded->warnings.push_back(std::move(warning));
+  }
+  ISOMATCH_RETURN_IF_ERROR(ValidateMesh(loaded->mesh, subject));
+  const absl::Status status = CheckSinglePrecision(loaded->mesh.positions);
+  return status.ok() ? status : WithSubject(subject, status);
+}
+
 std::string FormatOff(const TriangleMesh& mesh) {
   std::string text =
       absl::StrCat("OFF\n", mesh.num_vertices(), " ", mesh.num_faces(), " 0\n");
@@ -169,29 +217,19 @@ absl::StatusOr<LoadedMesh> ReadMesh(const std::string& path,
     return WithSubject(field, status);
   }
   ISOMATCH_RETURN_IF_ERROR(CheckExtension(subject, extension));
-  if (const absl::Status status = CheckClaims(path, extension); !status.ok()) {
-    return WithSubject(subject, status);
-  }
-  PolygonSoup soup;
-  if (!ReadPolygonSoup(path, &soup)) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(subject,
-                     ": not a mesh that can be read to its end, "
-                     "expected finite numbers and ",
-                     Grammar(extension)));
-  }
-  if (const absl::Status status = CheckSoup(soup); !status.ok()) {
-    return WithSubject(subject, status);
-  }
+  absl::StatusOr<std::string> bytes = ReadFile(path, kExpected);
+  if (!bytes.ok()) return WithSubject(field, bytes.status());
+  ISOMATCH_RETURN_IF_ERROR(CheckClaims(subject, extension, *bytes));
   LoadedMesh loaded;
-  loaded.mesh.positions = ToPositions(soup);
-  loaded.mesh.faces = Triangulate(soup, loaded.mesh.positions);
-  loaded.warnings = Warnings(soup, extension);
-  ISOMATCH_RETURN_IF_ERROR(ValidateMesh(loaded.mesh, subject));
-  if (const absl::Status status = CheckSinglePrecision(loaded.mesh.positions);
-      !status.ok()) {
-    return WithSubject(subject, status);
+  PolygonSoup soup;
+  if (extension == ".obj") {
+    const std::optional<MeshFault> fault =
+        ReadObjSoup(*bytes, &soup, &loaded.warnings);
+    if (fault) return FaultError(subject, *fault);
+  } else if (!ReadPolygonSoup(path, &soup)) {
+    return Refusal(subject, extension, *bytes);
   }
+  ISOMATCH_RETURN_IF_ERROR(UseSoup(soup, subject, extension, &loaded));
   return loaded;
 }
 

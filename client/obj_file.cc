@@ -12,6 +12,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_split.h"
+#include "client/obj_reader.h"
 #include "client/text_file.h"
 #include "client/triangulation.h"
 #include "core/base/status_macros.h"
@@ -109,7 +110,6 @@ std::string Rest(absl::string_view row, absl::string_view first_word) {
 absl::Status ReadLine(const std::string& path, int line, absl::string_view row,
                       ObjLines& lines) {
   const Words words = SplitWords(row);
-  if (words.empty()) return absl::OkStatus();
   if (words[0] == "v") ++lines.vertices_before;
   if (words[0] == "vt") return ReadPlace(path, line, words, lines);
   if (words[0] == "f") return ReadFace(path, line, words, lines);
@@ -133,11 +133,10 @@ absl::Status ReadLine(const std::string& path, int line, absl::string_view row,
 absl::StatusOr<ObjLines> ReadLines(const std::string& path) {
   ISOMATCH_ASSIGN_OR_RETURN(const std::string text, ReadFile(path, "a mesh"));
   ObjLines lines;
-  int line = 0;
-  for (const absl::string_view row : absl::StrSplit(text, '\n')) {
-    ISOMATCH_RETURN_IF_ERROR(
-        ReadLine(path, ++line, row.substr(0, row.find('#')), lines));
-  }
+  ISOMATCH_RETURN_IF_ERROR(
+      ForEachObjStatement(text, [&](int line, absl::string_view statement) {
+        return ReadLine(path, line, statement, lines);
+      }));
   return lines;
 }
 

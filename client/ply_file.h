@@ -62,6 +62,9 @@ class PlyBody {
   /// PLY does not have.
   std::optional<double> TakeNumber(const PlyType& type);
 
+  /// What was not taken yet.
+  absl::string_view rest() const { return rest_; }
+
  private:
   absl::string_view TakeWord();
   std::optional<std::uint64_t> TakeBytes(int count);

@@ -11,6 +11,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
+#include "client/obj_reader.h"
 #include "client/text_file.h"
 #include "core/base/status_macros.h"
 
@@ -151,19 +152,17 @@ absl::StatusOr<std::optional<Colors>> FromObj(const std::string& path,
                                               absl::string_view text,
                                               VertexIndex vertices) {
   RawColors raw;
-  int line = 0;
   double largest = 0;
-  for (const absl::string_view row : absl::StrSplit(text, '\n')) {
-    ++line;
-    if (!absl::StartsWith(absl::StripLeadingAsciiWhitespace(row), "v")) {
-      continue;
-    }
-    const Words words = SplitWords(row.substr(0, row.find('#')));
-    if (words.empty() || words[0] != "v") continue;
+  const auto read = [&](int line, absl::string_view statement) {
+    if (statement[0] != 'v') return absl::OkStatus();
+    const Words words = SplitWords(statement);
+    if (words[0] != "v") return absl::OkStatus();
     constexpr std::size_t kFirst = 4;
-    ISOMATCH_RETURN_IF_ERROR(AddColor(path, line, words, kFirst, raw));
-    largest = std::max(largest, raw.rows.back().maxCoeff());
-  }
+    const absl::Status status = AddColor(path, line, words, kFirst, raw);
+    if (status.ok()) largest = std::max(largest, raw.rows.back().maxCoeff());
+    return status;
+  };
+  ISOMATCH_RETURN_IF_ERROR(ForEachObjStatement(text, read));
   return Scaled(path, raw, vertices, largest > 1 ? kByteScale : 1);
 }
 

@@ -3,6 +3,7 @@
 #include <sys/resource.h>
 
 #include <cstdint>
+#include <cstring>
 #include <limits>
 #include <string>
 
@@ -129,14 +130,97 @@ TEST_F(MeshFileTest, BrokenFilesSayWhatWasExpected) {
   EXPECT_THAT(Error("a.ply", "hello"), Refused("the letters ply"));
   EXPECT_THAT(Error("a.obj", "hello"), Refused("lines `v x y z`"));
   EXPECT_THAT(Error("a.stl", "hello"), Refused("X: '"));
-  EXPECT_THAT(Error("a.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n"),
-              Refused("below the number of vertices"));
-  EXPECT_THAT(Error("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n"),
-              Refused("names vertex 3 (0-based), expected 0 to 2"));
-  EXPECT_THAT(Error("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2\n"),
-              Refused("2 corners, expected 3 or more"));
-  EXPECT_FALSE(
-      Error("a.off", "OFF\n3 1 0\n0 0 0\n1 nan 0\n0 1 0\n3 0 1 2\n").ok());
+}
+
+TEST_F(MeshFileTest, AFaultOfATextHasItsOwnSentenceAndLine) {
+  const std::string off = "OFF\n# shape\n3 1 0\n0 0 0\n1 0 0\n\n0 1 0\n";
+  EXPECT_THAT(Error("a.off", off + "3 0 1 3\n"),
+              Refused("a.off', line 8: face 0 (0-based) names vertex '3', "
+                      "expected 0 to 2"));
+  EXPECT_THAT(Error("a.off", off + "3 0 1\n"),
+              Refused("the file ends in face 0 (0-based)"));
+  EXPECT_THAT(Error("a.off", "OFF\n3 1 0\n0 0 0\n1 nan 0\n0 1 0\n3 0 1 2\n"),
+              Refused("line 4: y of vertex 1 (0-based) is 'nan', expected a "
+                      "finite number"));
+  const std::string obj = "v 0 0 0\nv 1 0 0\n# more\nv 0 1 0\n";
+  EXPECT_THAT(
+      Error("a.obj", obj + "f 1 2 4\n"),
+      Refused("a.obj', line 5: a face names vertex 4, expected 1 to 3"));
+  EXPECT_THAT(Error("a.obj", obj + "f 1 2\n"),
+              Refused("line 5: a face has 2 corners, expected 3 or more"));
+  EXPECT_THAT(Error("a.obj", obj + "f 1 2 0\n"),
+              Refused("line 5: a face's corner is '0'"));
+  EXPECT_THAT(Error("a.obj", obj + "f -4 1 2\n"),
+              Refused("from -3 to -1 to count back"));
+  EXPECT_THAT(Error("a.obj", obj + "v 1 inf 0\nf 1 2 3\n"),
+              Refused("line 5: a coordinate is 'inf'"));
+  EXPECT_THAT(Error("a.obj", obj + "v 1 0\nf 1 2 3\n"),
+              Refused("line 5: a vertex has 2 coordinates"));
+  const std::string ply(kPly);
+  EXPECT_THAT(Error("a.ply", ply.substr(0, ply.size() - 4)),
+              Refused("the file ends in item 1 (0-based)"));
+  EXPECT_THAT(Error("a.ply", ply.substr(0, ply.size() - 2) + "6\n"),
+              Refused("line 17: face 1 (0-based) names vertex 6, expected 0 to "
+                      "5"));
+  std::string nan = ply;
+  nan.replace(nan.find("9 9 9"), 1, "nan");
+  EXPECT_THAT(Error("a.ply", nan),
+              Refused("line 15: x of vertex 5 (0-based) is nan"));
+}
+
+TEST_F(MeshFileTest, AFaultOfAnStlFileIsNamed) {
+  const std::string text =
+      "solid s\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\n"
+      "vertex 1 nan 0\nvertex 1 1 0\nendloop\nendfacet\nendsolid s\n";
+  EXPECT_THAT(
+      Error("a.stl", text),
+      Refused("line 5: y of a corner of triangle 0 (0-based) is 'nan'"));
+  std::string bytes(84 + 2 * 50, '\0');
+  bytes[80] = 2;
+  const float one = 1;
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  std::memcpy(&bytes[84 + 12], &one, sizeof(one));
+  std::memcpy(&bytes[84 + 28], &one, sizeof(one));
+  EXPECT_THAT(Error("a.stl", bytes.substr(0, 150)),
+              Refused("claims 2 triangles, but the file has bytes for 1"));
+  std::memcpy(&bytes[84 + 50 + 12 + 12 + 8], &nan, sizeof(nan));
+  EXPECT_THAT(Error("a.stl", bytes),
+              Refused("triangle 1 (0-based): z of corner 1 (0-based) is nan"));
+}
+
+// What modelling programs write beside the surface.
+TEST_F(MeshFileTest, ObjStatementsThatAreNoSurfaceAreLeftOut) {
+  const absl::StatusOr<LoadedMesh> loaded =
+      Read("a.obj", "mtllib a.mtl\no Cube\ng side\ns off\nusemtl None\n" +
+                        std::string(kObj) +
+                        "l 1 2\np 3 4\nvt 0 0\nvp 1 2\nl -1 -2\n");
+  ASSERT_THAT(loaded, IsOk());
+  EXPECT_EQ(loaded->mesh.num_vertices(), 6);
+  EXPECT_EQ(loaded->mesh.num_faces(), 2);
+  EXPECT_THAT(loaded->warnings, testing::IsEmpty());
+}
+
+TEST_F(MeshFileTest, ObjLinesGoOnAfterABackslash) {
+  const absl::StatusOr<LoadedMesh> loaded =
+      Read("a.obj",
+           "v 0 \\\n0 0\r\nv 1 0 0\nv 1 1 0\nv 0 1 0 # \\\nf 1 2 \\\r\n 3 \\\n"
+           "4\n# \\\nf 1 2 4\\");
+  ASSERT_THAT(loaded, IsOk());
+  EXPECT_EQ(loaded->mesh.num_vertices(), 4);
+  EXPECT_EQ(loaded->mesh.num_faces(), 3);
+  EXPECT_THAT(Error("a.obj", "v 0 \\\n0 0\nv 1 \\\n 0\nf 1 2 3\n"),
+              Refused("line 3: a vertex has 2"));
+}
+
+TEST_F(MeshFileTest, WhatObjDoesNotHaveIsTold) {
+  const absl::StatusOr<LoadedMesh> loaded =
+      Read("a.obj", "hello world\n" + std::string(kObj) + "curv 0 1 1 2\nx\n");
+  ASSERT_THAT(loaded, IsOk());
+  EXPECT_THAT(loaded->warnings,
+              testing::ElementsAre(HasSubstr("1 lines of free-form curves"),
+                                   HasSubstr("2 lines that are no statements "
+                                             "of OBJ are left out, first "
+                                             "'hello' in line 1")));
 }
 
 TEST_F(MeshFileTest, NonFiniteCoordinatesInBinaryAreRefused) {
@@ -160,14 +244,14 @@ TEST_F(MeshFileTest, HostileLengthsOfListsAreRefusedWithLittleMemory) {
     const std::string face = std::string(length) + " 0 1 2\n";
     EXPECT_THAT(
         Error("a.ply", header("ascii") + "0 0 0\n1 0 0\n0 1 0\n" + face),
-        Refused("length of a list, in item 0"));
+        Refused("in item 0 (0-based): the length of its list is"));
     EXPECT_THAT(Error("a.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n" + face),
-                Refused("not a mesh that can be read"));
+                Refused("line 6: "));
   }
   for (const char* format : {"binary_little_endian", "binary_big_endian"}) {
     EXPECT_THAT(
         Error("a.ply", header(format) + points + std::string(16, '\x7f')),
-        Refused("length of a list, in item 0"));
+        Refused("in item 0 (0-based): the length of its list is"));
   }
   EXPECT_LT(PeakResidentBytes() - peak, 64 << 20);
 }
