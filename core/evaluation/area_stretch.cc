@@ -25,49 +25,59 @@ constexpr double kReachInEdgesOfY = 1.5;
 /// areas of their images, in parts of the whole.
 using Areas = Eigen::Matrix<double, Eigen::Dynamic, 2, Eigen::RowMajor>;
 
-/// The map between cleaned meshes, whose faces agree in orientation.
-VertexMap CleanMap(const CleanMesh& x, const CleanMesh& y,
-                   absl::Span<const VertexIndex> y_from_x) {
-  VertexMap map;
-  map.reserve(x.original_from_clean.size());
-  for (const VertexIndex original : x.original_from_clean) {
-    const VertexIndex image = y_from_x[original];
-    map.push_back(image == kNoVertex ? kNoVertex
-                                     : y.clean_from_original[image]);
+/// Where the vertices of clean X go, and the normals of clean Y there.
+struct Images {
+  std::vector<bool> is_there;
+  Positions places;
+  Positions normals;
+};
+
+/// `is_there(v)` tells whether vertex v of the file has an image, `of(values,
+/// v)` what the vertices of clean Y have in `values` there.
+template <typename IsThere, typename Of>
+Images CleanImages(const CleanMesh& x, const CleanMesh& y,
+                   const IsThere& is_there, const Of& of) {
+  const Positions normals_y = VertexNormals(y.mesh);
+  const VertexIndex vertices = x.mesh.num_vertices();
+  Images images = {std::vector<bool>(vertices), Positions::Zero(vertices, 3),
+                   Positions::Zero(vertices, 3)};
+  for (VertexIndex v = 0; v < vertices; ++v) {
+    const VertexIndex original = x.original_from_clean[v];
+    if (!is_there(original)) continue;
+    images.is_there[v] = true;
+    images.places.row(v) = of(y.mesh.positions, original);
+    images.normals.row(v) = of(normals_y, original);
   }
-  return map;
+  return images;
 }
 
-/// Area of the triangle between three vertices of Y, negative when it turns
-/// against Y's normals there.
-double SignedArea(const TriangleMesh& mesh_y, const Positions& normals_y,
-                  VertexIndex a, VertexIndex b, VertexIndex c) {
-  const Eigen::RowVector3d ab =
-      mesh_y.positions.row(b) - mesh_y.positions.row(a);
-  const Eigen::RowVector3d ac =
-      mesh_y.positions.row(c) - mesh_y.positions.row(a);
+/// Area of the triangle between the images of three vertices of X, negative
+/// when it turns against Y's normals there.
+double SignedArea(const Images& images, VertexIndex a, VertexIndex b,
+                  VertexIndex c) {
+  const Eigen::RowVector3d ab = images.places.row(b) - images.places.row(a);
+  const Eigen::RowVector3d ac = images.places.row(c) - images.places.row(a);
   const Eigen::RowVector3d normal =
-      normals_y.row(a) + normals_y.row(b) + normals_y.row(c);
+      images.normals.row(a) + images.normals.row(b) + images.normals.row(c);
   const Eigen::RowVector3d doubled_area = ab.cross(ac);
   return std::copysign(0.5 * doubled_area.norm(), doubled_area.dot(normal));
 }
 
 Areas StarAreas(const TriangleMesh& mesh_x, const TriangleMesh& mesh_y,
-                absl::Span<const VertexIndex> y_from_x) {
-  const Positions normals_y = VertexNormals(mesh_y);
+                const Images& images) {
   const double whole_x = SurfaceArea(mesh_x);
   const double whole_y = SurfaceArea(mesh_y);
   Areas areas = Areas::Zero(mesh_x.num_vertices(), 2);
   for (VertexIndex f = 0; f < mesh_x.num_faces(); ++f) {
-    const auto corners = mesh_x.faces.row(f);
-    const VertexIndex a = y_from_x[corners[0]];
-    const VertexIndex b = y_from_x[corners[1]];
-    const VertexIndex c = y_from_x[corners[2]];
-    if (a == kNoVertex || b == kNoVertex || c == kNoVertex) continue;
-    const Eigen::RowVector2d area(
-        FaceArea(mesh_x, f) / whole_x,
-        SignedArea(mesh_y, normals_y, a, b, c) / whole_y);
-    for (const VertexIndex v : corners) areas.row(v) += area;
+    const VertexIndex a = mesh_x.faces(f, 0);
+    const VertexIndex b = mesh_x.faces(f, 1);
+    const VertexIndex c = mesh_x.faces(f, 2);
+    if (!images.is_there[a] || !images.is_there[b] || !images.is_there[c]) {
+      continue;
+    }
+    const Eigen::RowVector2d area(FaceArea(mesh_x, f) / whole_x,
+                                  SignedArea(images, a, b, c) / whole_y);
+    for (const VertexIndex v : {a, b, c}) areas.row(v) += area;
   }
   return areas;
 }
@@ -98,26 +108,60 @@ float LogRatio(const Eigen::RowVector2d& areas) {
   return static_cast<float>(std::log(ratio));
 }
 
+/// LogAreaStretch of the images that CleanImages is told.
+template <typename IsThere, typename Of>
+std::vector<float> Stretch(const CleanMesh& x, const CleanMesh& y,
+                           const IsThere& is_there, const Of& of) {
+  const VertexStars stars(x.mesh);
+  Areas areas = StarAreas(x.mesh, y.mesh, CleanImages(x, y, is_there, of));
+  const int rounds = Rounds(x.mesh, y.mesh);
+  for (int round = 0; round < rounds; ++round) areas = Averaged(areas, stars);
+  std::vector<float> stretch(x.clean_from_original.size(),
+                             std::numeric_limits<float>::quiet_NaN());
+  for (std::size_t v = 0; v < stretch.size(); ++v) {
+    const VertexIndex clean = x.clean_from_original[v];
+    if (clean == kNoVertex || !is_there(static_cast<VertexIndex>(v))) continue;
+    stretch[v] = LogRatio(areas.row(clean));
+  }
+  return stretch;
+}
+
 }  // namespace
 
 std::vector<float> LogAreaStretch(const TriangleMesh& mesh_x,
                                   const TriangleMesh& mesh_y,
                                   absl::Span<const VertexIndex> y_from_x) {
   assert(static_cast<VertexIndex>(y_from_x.size()) == mesh_x.num_vertices());
-  const CleanMesh x = Clean(mesh_x);
   const CleanMesh y = Clean(mesh_y);
-  const VertexStars stars(x.mesh);
-  Areas areas = StarAreas(x.mesh, y.mesh, CleanMap(x, y, y_from_x));
-  const int rounds = Rounds(x.mesh, y.mesh);
-  for (int round = 0; round < rounds; ++round) areas = Averaged(areas, stars);
-  std::vector<float> stretch(y_from_x.size(),
-                             std::numeric_limits<float>::quiet_NaN());
-  for (std::size_t v = 0; v < stretch.size(); ++v) {
-    const VertexIndex clean = x.clean_from_original[v];
-    if (y_from_x[v] == kNoVertex || clean == kNoVertex) continue;
-    stretch[v] = LogRatio(areas.row(clean));
-  }
-  return stretch;
+  const auto image = [&](VertexIndex v) {
+    return y_from_x[v] == kNoVertex ? kNoVertex
+                                    : y.clean_from_original[y_from_x[v]];
+  };
+  return Stretch(
+      Clean(mesh_x), y, [&](VertexIndex v) { return image(v) != kNoVertex; },
+      [&](const Positions& values, VertexIndex v) {
+        return values.row(image(v)).eval();
+      });
+}
+
+std::vector<float> LogAreaStretch(const TriangleMesh& mesh_x,
+                                  const TriangleMesh& mesh_y,
+                                  absl::Span<const SurfacePoint> images) {
+  assert(static_cast<VertexIndex>(images.size()) == mesh_x.num_vertices());
+  const CleanMesh y = Clean(mesh_y);
+  const auto corner = [&](VertexIndex v, int i) {
+    return y.clean_from_original[mesh_y.faces(images[v].face, i)];
+  };
+  return Stretch(
+      Clean(mesh_x), y,
+      [&](VertexIndex v) { return images[v].face != kNoVertex; },
+      [&](const Positions& values, VertexIndex v) {
+        Eigen::RowVector3d sum = Eigen::RowVector3d::Zero();
+        for (int i = 0; i < 3; ++i) {
+          sum += images[v].weights[i] * values.row(corner(v, i));
+        }
+        return sum;
+      });
 }
 
 }  // namespace isomatch

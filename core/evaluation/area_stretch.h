@@ -4,6 +4,7 @@
 
 #include "absl/types/span.h"
 #include "core/base/vertex_index.h"
+#include "core/mesh/surface_point.h"
 #include "core/mesh/triangle_mesh.h"
 
 namespace isomatch {
@@ -26,5 +27,10 @@ namespace isomatch {
 std::vector<float> LogAreaStretch(const TriangleMesh& mesh_x,
                                   const TriangleMesh& mesh_y,
                                   absl::Span<const VertexIndex> y_from_x);
+
+/// The same where images lie on the faces of Y.
+std::vector<float> LogAreaStretch(const TriangleMesh& mesh_x,
+                                  const TriangleMesh& mesh_y,
+                                  absl::Span<const SurfacePoint> images);
 
 }  // namespace isomatch

@@ -8,6 +8,7 @@
 #include "absl/status/statusor.h"
 #include "absl/types/span.h"
 #include "core/base/vertex_index.h"
+#include "core/mesh/surface_point.h"
 #include "core/mesh/triangle_mesh.h"
 
 namespace isomatch {
@@ -38,6 +39,8 @@ struct GeodesicError {
   double sqrt_area = 0;
 };
 
+struct FoundPlace;
+
 /// Measures maps into one mesh Y.
 ///
 /// The diameter is the largest distance found from 32 farthest points: a lower
@@ -64,8 +67,22 @@ class GeodesicErrorMeter {
                                         absl::Span<const VertexIndex> truth,
                                         const std::stop_token& stop = {}) const;
 
+  /// The same for places between vertices, on `faces_y` of the mesh. The
+  /// distance to a place is the shortest way over the corners of its face, or
+  /// over one of its edges on the straight line from the virtual source that
+  /// the distances of the edge's ends have in the plane (as
+  /// DistanceFieldSolver): exact beside the source.
+  absl::StatusOr<GeodesicError> Measure(const Faces& faces_y,
+                                        absl::Span<const SurfacePoint> found,
+                                        absl::Span<const VertexIndex> truth,
+                                        const std::stop_token& stop = {}) const;
+
  private:
   struct State;
+  absl::StatusOr<GeodesicError> MeasurePlaces(
+      absl::Span<const FoundPlace> found, absl::Span<const VertexIndex> truth,
+      const std::stop_token& stop) const;
+
   std::unique_ptr<State> state_;
   double diameter_ = 0;
   double sqrt_area_ = 0;

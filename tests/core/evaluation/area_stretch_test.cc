@@ -6,6 +6,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <Eigen/LU>
 
 #include "core/mesh/vertex_stars.h"
 #include "tests/support/shapes.h"
@@ -30,6 +31,30 @@ TEST(AreaStretchTest, FollowsTheNumbersOfVertices) {
   const VertexMap y_from_x = RandomPermutation(x.num_vertices(), 1);
   EXPECT_THAT(LogAreaStretch(x, Relabelled(x, y_from_x), y_from_x),
               Each(FloatNear(0, 1e-5)));
+}
+
+// Rounding to vertices would make every image but the corners' wrong.
+TEST(AreaStretchTest, ImagesBetweenVerticesStretchNothing) {
+  const TriangleMesh x = PlaneGrid(7, 7, 1, 1);
+  const TriangleMesh y = PlaneGrid(1, 1, 1, 1);
+  std::vector<SurfacePoint> images;
+  for (VertexIndex v = 0; v < x.num_vertices(); ++v) {
+    for (VertexIndex f = 0; f < y.num_faces(); ++f) {
+      Eigen::Matrix3d corners;
+      for (int i = 0; i < 3; ++i) {
+        corners.col(i) = y.positions.row(y.faces(f, i)).transpose();
+      }
+      corners.row(2).setOnes();
+      const Eigen::Vector3d weights =
+          corners.inverse() *
+          Eigen::Vector3d(x.positions(v, 0), x.positions(v, 1), 1);
+      if (weights.minCoeff() < -1e-9) continue;
+      images.push_back({f, weights});
+      break;
+    }
+  }
+  ASSERT_EQ(static_cast<VertexIndex>(images.size()), x.num_vertices());
+  EXPECT_THAT(LogAreaStretch(x, y, images), Each(FloatNear(0, 1e-5)));
 }
 
 // The left half keeps its area, the right one has three times as much, so that

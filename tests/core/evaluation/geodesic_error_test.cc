@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <numbers>
+#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -53,6 +54,48 @@ TEST(GeodesicErrorTest, AShiftInThePlaneIsItsLength) {
   // 0.0566 of the diameter.
   EXPECT_EQ(error->within[2], 0);
   EXPECT_EQ(error->within[3], 1);
+}
+
+// In the plane the way to a place is a straight line, wherever in its face and
+// however near to the source it is.
+TEST(GeodesicErrorTest, APlaceBetweenVerticesIsAsFarAsItLies) {
+  const TriangleMesh mesh = PlaneGrid(20, 20, 2, 2);
+  const GeodesicErrorMeter meter(mesh);
+  const VertexIndex source = 10 * 21 + 10;
+  std::vector<SurfacePoint> found;
+  for (VertexIndex f = 0; f < mesh.num_faces(); ++f) {
+    found.push_back({f, {0.2, 0.3, 0.5}});
+    found.push_back({f, {0, 0.25, 0.75}});
+  }
+  const VertexMap truth(found.size(), source);
+  const auto error = meter.Measure(mesh.faces, found, truth);
+  ASSERT_THAT(error, IsOk());
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    const double distance =
+        (PositionOf(mesh, found[i]) - mesh.positions.row(source)).norm();
+    ASSERT_NEAR(error->of_vertex[i] * error->diameter, distance, 2e-3) << i;
+    // Exact in the faces at the source, not the mean of their corners.
+    if (distance < 0.07) {
+      ASSERT_NEAR(error->of_vertex[i] * error->diameter, distance, 1e-6) << i;
+    }
+  }
+}
+
+TEST(GeodesicErrorTest, PlacesAtVerticesAreVertices) {
+  const TriangleMesh mesh = FiveArms(3);
+  const GeodesicErrorMeter meter(mesh);
+  VertexMap found;
+  std::vector<SurfacePoint> points;
+  for (VertexIndex f = 0; f < mesh.num_faces(); ++f) {
+    found.push_back(f == 7 ? kNoVertex : mesh.faces(f, f % 3));
+    points.push_back({f == 7 ? kNoVertex : f, Eigen::Vector3d::Unit(f % 3)});
+  }
+  const VertexMap truth(found.size(), 5);
+  const auto of_vertices = meter.Measure(found, truth);
+  const auto of_points = meter.Measure(mesh.faces, points, truth);
+  ASSERT_THAT(of_points, IsOk());
+  EXPECT_EQ(of_points->of_vertex, of_vertices->of_vertex);
+  EXPECT_EQ(of_points->unmatched, 1);
 }
 
 TEST(GeodesicErrorTest, CountsTheUnmatchedApart) {
