@@ -9,7 +9,7 @@ const char* StageName(Stage stage) {
     case Stage::kGeodesics:
       return "geodesics";
     case Stage::kSpectral:
-      return "spectral bases";
+      return "spectral";
     case Stage::kSeeds:
       return "seeds";
     case Stage::kFirstInsertion:
@@ -19,7 +19,7 @@ const char* StageName(Stage stage) {
     case Stage::kFinalSwapping:
       return "final swapping";
     case Stage::kDense:
-      return "dense map";
+      return "dense";
     case Stage::kZoomOut:
       return "zoomout";
     case Stage::kChoice:

@@ -6,6 +6,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "absl/strings/ascii.h"
+#include "absl/strings/str_replace.h"
 #include "core/pipeline/matcher.h"
 #include "server/jobs/errors.h"
 #include "tests/support/matchers.h"
@@ -32,6 +34,16 @@ TEST(JobProtoTest, EveryStageHasItsOwnNumberWhateverTheOrderOfCore) {
   EXPECT_EQ(StageOf(static_cast<int>(Stage::kChoice)), v1::STAGE_CHOICE);
   EXPECT_EQ(StageOf(static_cast<int>(Stage::kAlignment)), v1::STAGE_ALIGNMENT);
   EXPECT_EQ(StageOf(static_cast<int>(Stage::kQuality)), v1::STAGE_QUALITY);
+}
+
+// What the command line shows, metrics and benchmarks count.
+TEST(JobProtoTest, StagesOfCoreHaveTheNamesOfTheApi) {
+  for (int stage = 0; stage < kNumStages; ++stage) {
+    std::string name = StageName(static_cast<Stage>(stage));
+    absl::AsciiStrToUpper(&name);
+    EXPECT_EQ(v1::Stage_Name(StageOf(stage)),
+              "STAGE_" + absl::StrReplaceAll(name, {{" ", "_"}}));
+  }
 }
 
 TEST(JobProtoTest, StageTimesAreNumberedAsProgressIs) {

@@ -78,7 +78,7 @@ TEST_F(ServerMetricsTest, AJobThatRanIsSeen) {
             HasSubstr("isomatch_queue_wait_seconds_count 1\n"),
             HasSubstr("isomatch_job_seconds_count{state=\"SUCCEEDED\"} 1\n"),
             HasSubstr("isomatch_run_seconds_count{stage=\"geodesics\"} 1\n"),
-            HasSubstr("isomatch_run_seconds_count{stage=\"dense_map\"} 1\n"),
+            HasSubstr("isomatch_run_seconds_count{stage=\"dense\"} 1\n"),
             HasSubstr("isomatch_memory_estimate_error_ratio_count 1\n"),
             HasSubstr("isomatch_jobs_queued{priority=\"normal\"} 0\n"),
             HasSubstr(absl::StrCat("isomatch_build_info{version=\"", kVersion,
