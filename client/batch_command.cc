@@ -19,6 +19,7 @@
 #include "client/commands.h"
 #include "client/connection_flags.h"
 #include "client/embedded_server.h"
+#include "client/option_support.h"
 #include "client/progress_line.h"
 #include "client/remote_server.h"
 #include "core/base/status_macros.h"
@@ -28,11 +29,13 @@ namespace {
 
 constexpr char kBatchFooter[] = R"(
 LIST has lines `X Y [LANDMARKS]`, paths relative to LIST's folder, where the
-extension of a mesh may be left out; # starts a comment. With --template each
-MESH, or each mesh of a folder, is the Y of one template.
+extension of a mesh may be left out; # starts a comment. Paths with blanks stand
+between double quotes, or all of a line between tabs. With --template each MESH, or
+each mesh of a folder, is the Y of one template.
 
 For each pair FOLDER gets X__Y.txt, the map, and X__Y.json, its report; summary.csv
-has a line for each. Run the same command again and pairs that are done are kept:
+has a line for each. --precise and --confidence add X__Y.precise.txt and
+X__Y.confidence.txt, as `match` writes them. Run the same command again and pairs that are done are kept:
 after a kill, a crash or Ctrl-C only the rest is matched. Other meshes, options or
 another version of isomatch make a pair new.
 
@@ -140,6 +143,7 @@ absl::Status RunBatch(const BatchArguments& arguments,
   std::shared_ptr<grpc::Channel> channel;
   if (arguments.connection.server.empty()) {
     if (options.parallel == 0) options.parallel = Cores();
+    options.job.threads = ThreadsHere(options.job.threads);
     ISOMATCH_ASSIGN_OR_RETURN(
         embedded, StartEmbeddedServer(options.parallel, options.job.threads));
     channel = embedded->InProcessChannel();
@@ -169,25 +173,38 @@ void AddOptions(CLI::App* command, BatchArguments* arguments) {
   command
       ->add_option("LIST", arguments->inputs,
                    "List of pairs; with --template meshes or folders of meshes")
+      ->type_name(kFile)
       ->required();
   command
       ->add_option("-o,--output", arguments->options.folder,
                    "Folder to write to, made when missing")
+      ->type_name(kFolder)
       ->required();
+  command->add_flag(
+      "--precise", arguments->options.parts.precise,
+      "Write places between the vertices of Y for each pair, too");
+  command->add_flag("--confidence", arguments->options.parts.confidence,
+                    "Write how far to trust each line for each pair, too");
+  SetGroup(command, kFilesGroup, {"--output", "--precise", "--confidence"});
   CLI::Option* const template_mesh =
-      command->add_option("--template", arguments->template_mesh,
-                          "Mesh X that is matched to each MESH");
+      command
+          ->add_option("--template", arguments->template_mesh,
+                       "Mesh X that is matched to each MESH")
+          ->type_name(kFile);
   command
       ->add_flag("--reverse", arguments->reverse,
                  "Match each MESH to the template instead")
       ->needs(template_mesh);
-  command->add_option("--truth", arguments->truth,
-                      "Folder of ground truths gt_X__Y.txt");
+  command
+      ->add_option("--truth", arguments->truth,
+                   "Folder of ground truths gt_X__Y.txt")
+      ->type_name(kFolder);
   command
       ->add_option("--parallel", arguments->parallel,
                    "Pairs at the same time; 0: one for each core, or one more "
                    "than the server has workers")
-      ->check(CLI::Range(0, 256))
+      ->check(WholeNumber(0, 256))
+      ->type_name("COUNT")
       ->capture_default_str();
   command->add_flag("--force", arguments->options.force,
                     "Match pairs that are done already too");

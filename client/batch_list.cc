@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <filesystem>
+#include <optional>
 #include <set>
 #include <system_error>
 
@@ -46,13 +47,50 @@ std::string PairName(const std::string& x, const std::string& y) {
                       fs::path(y).stem().string());
 }
 
+// The paths of a line; nothing when a quote has no partner.
+std::optional<std::vector<std::string>> SplitPaths(absl::string_view line) {
+  const bool has_tabs = line.find('\t') != absl::string_view::npos;
+  std::vector<std::string> paths;
+  std::string path;
+  bool is_quoted = false;
+  bool was_quoted = false;
+  const auto end = [&] {
+    // Blanks around what stands between tabs are not meant.
+    const absl::string_view text =
+        was_quoted ? path : absl::StripAsciiWhitespace(path);
+    if (!text.empty()) paths.emplace_back(text);
+    path.clear();
+    was_quoted = false;
+  };
+  for (const char c : line) {
+    if (c == '"') {
+      is_quoted = !is_quoted;
+      if (is_quoted) path = std::string(absl::StripAsciiWhitespace(path));
+      was_quoted = true;
+    } else if (is_quoted) {
+      path += c;
+    } else if (c == '#') {
+      break;
+    } else if (c == '\t' || c == '\r' || (c == ' ' && !has_tabs)) {
+      end();
+    } else if (c != ' ' || !was_quoted) {
+      path += c;
+    }
+  }
+  if (is_quoted) return std::nullopt;
+  end();
+  return paths;
+}
+
 absl::StatusOr<BatchPair> ParseLine(const std::string& list, int number,
                                     const std::vector<std::string>& words) {
   if (words.size() != 2 && words.size() != 3) {
     return LineError(
         list, number,
         absl::StrCat("expected X Y [LANDMARKS], found ", words.size(),
-                     words.size() == 1 ? " word" : " words"));
+                     words.size() == 1 ? " word" : " words",
+                     "; paths with blanks stand between tabs or double "
+                     "quotes"));
   }
   const fs::path folder = fs::path(list).parent_path();
   BatchPair pair;
@@ -107,11 +145,10 @@ absl::StatusOr<std::vector<BatchPair>> ReadBatchList(const std::string& path) {
   int number = 0;
   for (const absl::string_view line : absl::StrSplit(text, '\n')) {
     ++number;
-    const std::vector<std::string> words =
-        absl::StrSplit(line.substr(0, line.find('#')), absl::ByAnyChar(" \t\r"),
-                       absl::SkipEmpty());
-    if (words.empty()) continue;
-    ISOMATCH_ASSIGN_OR_RETURN(BatchPair pair, ParseLine(path, number, words));
+    const std::optional<std::vector<std::string>> words = SplitPaths(line);
+    if (!words) return LineError(path, number, "expected a second \"");
+    if (words->empty()) continue;
+    ISOMATCH_ASSIGN_OR_RETURN(BatchPair pair, ParseLine(path, number, *words));
     if (!names.insert(pair.name).second) {
       return LineError(path, number,
                        std::string(SameName(pair.name).message()));

@@ -19,10 +19,13 @@ struct BatchPair {
 };
 
 /// Returns the pairs of a list: lines `X Y [LANDMARKS]`, # starts a comment.
-/// Paths are relative to the list's folder; a mesh's extension may be left out.
+/// Blanks separate them, in a line with tabs these alone; what stands between
+/// double quotes is one of them, whatever it has. Paths are relative to the
+/// list's folder; a mesh's extension may be left out.
 ///
-/// INVALID_ARGUMENT, naming file and line: another number of words, a mesh that
-/// is not there, two pairs of one name. NOT_FOUND: no such list.
+/// INVALID_ARGUMENT, naming file and line: another number of paths, a quote
+/// without its partner, a mesh that is not there, two pairs of one name.
+/// NOT_FOUND: no such list.
 absl::StatusOr<std::vector<BatchPair>> ReadBatchList(const std::string& path);
 
 /// Returns a pair of `template_mesh` (X) with each mesh of `targets` (Y), which

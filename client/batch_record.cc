@@ -5,6 +5,7 @@
 #include "absl/strings/str_cat.h"
 #include "client/map_file.h"
 #include "client/match_report.h"
+#include "client/part_files.h"
 #include "client/text_file.h"
 #include "core/base/status_macros.h"
 #include "core/base/version.h"
@@ -30,8 +31,10 @@ std::string FileText(const std::string& path) {
 
 absl::StatusOr<BatchRecord> BatchRecord::Make(const std::string& folder,
                                               const BatchPair& pair,
-                                              const std::string& options) {
+                                              const std::string& options,
+                                              const BatchParts& parts) {
   BatchRecord record;
+  record.parts_ = parts;
   record.stem_ = absl::StrCat(folder, "/", pair.name);
   ISOMATCH_ASSIGN_OR_RETURN(const std::string x, HashOf(pair.x, "a mesh"));
   ISOMATCH_ASSIGN_OR_RETURN(const std::string y, HashOf(pair.y, "a mesh"));
@@ -54,17 +57,45 @@ bool BatchRecord::Load() {
       batch.value("map_sha256", Json()) != Sha256Hex(FileText(map_path()))) {
     return false;
   }
+  for (const auto& [key, path] : PartPaths()) {
+    if (batch.value(key, Json()) != Sha256Hex(FileText(path))) return false;
+  }
   report_ = std::move(report);
   return true;
 }
 
+std::vector<std::pair<std::string, std::string>> BatchRecord::PartPaths()
+    const {
+  std::vector<std::pair<std::string, std::string>> paths;
+  if (parts_.precise) paths.emplace_back("precise_sha256", precise_path());
+  if (parts_.confidence) {
+    paths.emplace_back("confidence_sha256", confidence_path());
+  }
+  return paths;
+}
+
 absl::Status BatchRecord::Save(const MatchResult& result,
+                               const TriangleMesh& mesh_y,
                                const std::vector<std::string>& warnings) {
   const std::string map = FormatMap(result.y_from_x);
   ISOMATCH_RETURN_IF_ERROR(WriteFileAtomically(map_path(), map));
   report_ = Json::parse(FormatReport(result, warnings));
   report_["batch"] = {{"fingerprint", fingerprint_},
                       {"map_sha256", Sha256Hex(map)}};
+  for (const auto& [key, path] : PartPaths()) {
+    const bool is_precise = path == precise_path();
+    if (is_precise ? !result.precise : !result.confidence) {
+      return absl::UnimplementedError(
+          absl::StrCat("'", path,
+                       "': the server's result has no such part, "
+                       "expected a newer isomatch-server"));
+    }
+    const std::string text = is_precise
+                                 ? FormatPreciseMap(*result.precise, mesh_y)
+                                 : FormatConfidence(*result.confidence);
+    ISOMATCH_RETURN_IF_ERROR(WriteFileAtomically(path, text));
+    report_["batch"][key] = Sha256Hex(text);
+  }
   return WriteReport();
 }
 

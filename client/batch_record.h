@@ -2,6 +2,8 @@
 
 #include <optional>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include <nlohmann/json.hpp>
 
@@ -19,9 +21,16 @@ struct BatchError {
   double best = 0;
 };
 
-/// What a batch has of one pair on disk: NAME.txt, the map, and NAME.json, the
-/// report of `match` with an object `batch`. NAME.json is written last, so a
-/// pair that has it is done.
+/// What a pair gets beside its map.
+struct BatchParts {
+  /// NAME.precise.txt and NAME.confidence.txt, as `match` writes them.
+  bool precise = false;
+  bool confidence = false;
+};
+
+/// What a batch has of one pair on disk: NAME.txt, the map, the files of its
+/// parts, and NAME.json, the report of `match` with an object `batch`.
+/// NAME.json is written last, so a pair that has it is done.
 class BatchRecord {
  public:
   /// The record of `pair` in `folder`. `options` is a text of everything that
@@ -29,17 +38,21 @@ class BatchRecord {
   /// Errors: one of the pair's files cannot be read.
   static absl::StatusOr<BatchRecord> Make(const std::string& folder,
                                           const BatchPair& pair,
-                                          const std::string& options);
+                                          const std::string& options,
+                                          const BatchParts& parts = {});
 
   std::string map_path() const { return stem_ + ".txt"; }
+  std::string precise_path() const { return stem_ + ".precise.txt"; }
+  std::string confidence_path() const { return stem_ + ".confidence.txt"; }
   std::string report_path() const { return stem_ + ".json"; }
 
   /// Reads what is there. False unless it was made from the same files with the
-  /// same options, and the map is as it was written.
+  /// same options, and map and parts are as they were written.
   bool Load();
 
-  /// Writes map and report.
-  absl::Status Save(const MatchResult& result,
+  /// Writes map, parts and report. UNIMPLEMENTED when the result has no such
+  /// part.
+  absl::Status Save(const MatchResult& result, const TriangleMesh& mesh_y,
                     const std::vector<std::string>& warnings);
 
   /// The error that was measured against the pair's truth as it is now.
@@ -51,8 +64,11 @@ class BatchRecord {
 
  private:
   absl::Status WriteReport() const;
+  // The paths of the parts that are wanted, by their key in the report.
+  std::vector<std::pair<std::string, std::string>> PartPaths() const;
 
   std::string stem_;
+  BatchParts parts_;
   /// SHA-256 of what the map is made from, and of the truth ("" for none).
   std::string fingerprint_;
   std::string truth_sha256_;

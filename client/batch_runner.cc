@@ -9,6 +9,7 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "client/command_support.h"
 #include "client/map_file.h"
 #include "client/mesh_file.h"
 #include "client/text_file.h"
@@ -24,7 +25,8 @@ std::string MapOptions(const JobFlags& job) {
       job.profile, "\n", job.random_seed, "\n", job.landmarks_exact, "\n",
       job.solved_vertices ? absl::StrCat(*job.solved_vertices) : "default",
       job.memory_limit_bytes > 0 ? absl::StrCat("\n", job.memory_limit_bytes)
-                                 : "");
+                                 : "",
+      job.weld.empty() ? "" : absl::StrCat("\nweld ", job.weld));
 }
 
 // The server has no room for another job now, but will have.
@@ -47,9 +49,11 @@ bool EndsTheBatch(const absl::Status& status) {
 }
 
 absl::StatusOr<BatchError> MeasureError(const BatchPair& pair,
+                                        const std::string& weld,
                                         const BatchRecord& record,
                                         const std::stop_token& stop) {
-  ISOMATCH_ASSIGN_OR_RETURN(const LoadedMesh y, ReadMesh(pair.y, "Y"));
+  ISOMATCH_ASSIGN_OR_RETURN(const LoadedMesh y,
+                            LoadMeshFile(pair.y, "Y", weld));
   const VertexIndex vertices_y = y.mesh.num_vertices();
   ISOMATCH_ASSIGN_OR_RETURN(const VertexMap found,
                             ReadMap(record.map_path(), vertices_y));
@@ -125,14 +129,16 @@ absl::Status BatchRunner::RunPair(const BatchPair& pair, std::size_t index,
                                   BatchRow* row, const std::stop_token& stop) {
   ISOMATCH_ASSIGN_OR_RETURN(
       BatchRecord record,
-      BatchRecord::Make(options_.folder, pair, MapOptions(options_.job)));
+      BatchRecord::Make(options_.folder, pair, MapOptions(options_.job),
+                        options_.parts));
   const bool is_kept = !options_.force && record.Load();
   if (!is_kept) {
     ISOMATCH_RETURN_IF_ERROR(Match(pair, index, &record, stop));
   }
   if (!pair.truth.empty() && !record.error()) {
-    ISOMATCH_ASSIGN_OR_RETURN(const BatchError error,
-                              MeasureError(pair, record, stop));
+    ISOMATCH_ASSIGN_OR_RETURN(
+        const BatchError error,
+        MeasureError(pair, options_.job.weld, record, stop));
     ISOMATCH_RETURN_IF_ERROR(record.SaveError(error));
   }
   row->state = is_kept ? BatchState::kKept : BatchState::kDone;
@@ -146,8 +152,15 @@ absl::Status BatchRunner::Match(const BatchPair& pair, std::size_t index,
   MatchRequest request;
   std::vector<std::string> warnings;
   ISOMATCH_RETURN_IF_ERROR(
-      ReadInputs(pair.x, pair.y, pair.landmarks, &request, &warnings));
+      ReadInputs({pair.x, pair.y, pair.landmarks, options_.job.weld}, &request,
+                 &warnings));
   SetJobFlags(options_.job, &request);
+  if (options_.parts.precise) {
+    request.parts.push_back(v1::RESULT_PART_PRECISE_MAP);
+  }
+  if (options_.parts.confidence) {
+    request.parts.push_back(v1::RESULT_PART_CONFIDENCE);
+  }
   const auto on_change = [&](const v1::Job& job) {
     const std::lock_guard lock(mutex_);
     fractions_[index] = job.progress().total_fraction();
@@ -163,8 +176,8 @@ absl::Status BatchRunner::Match(const BatchPair& pair, std::size_t index,
             (IsInTheWay(result.status()) && others_run)) &&
            Wait(&backoff));
   if (!result.ok() && stop.stop_requested()) return Stopped();
-  ISOMATCH_RETURN_IF_ERROR(result.status());
-  return record->Save(*result, warnings);
+  if (!result.ok()) return InFlagWords(result.status());
+  return record->Save(*result, request.mesh_y, warnings);
 }
 
 bool BatchRunner::Wait(Backoff* backoff) {

@@ -25,6 +25,7 @@ struct BatchOptions {
   int parallel = 1;
   /// Runs pairs that are done already too.
   bool force = false;
+  BatchParts parts;
 };
 
 /// How far a batch is.

@@ -17,6 +17,8 @@ struct Terminal {
   bool is_interactive = false;
   /// Requested when the user wants to stop.
   std::stop_token stop;
+  /// Whether `out` is a terminal, too, where a person reads.
+  bool out_is_terminal = false;
 };
 
 /// Tells the user each of `warnings`, one line each.

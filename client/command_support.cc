@@ -1,25 +1,84 @@
 #include "client/command_support.h"
 
+#include <algorithm>
 #include <filesystem>
+#include <optional>
 #include <system_error>
 #include <utility>
 
+#include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "client/mesh_file.h"
+#include "client/mesh_weld.h"
+#include "client/option_support.h"
+#include "client/text_file.h"
 #include "core/base/status_macros.h"
 
 namespace isomatch {
 
+void AddWeldOption(CLI::App* command, std::string* weld) {
+  command
+      ->add_option("--weld", *weld,
+                   "Take vertices nearer than this for one: a length in mesh "
+                   "units, or with % a part of the bounding box's diagonal")
+      ->type_name("TOLERANCE")
+      ->group(kMethodGroup);
+}
+
+absl::StatusOr<LoadedMesh> LoadMeshFile(const std::string& path,
+                                        const std::string& field,
+                                        const std::string& weld) {
+  WeldTolerance tolerance;
+  if (!weld.empty()) {
+    ISOMATCH_ASSIGN_OR_RETURN(tolerance, ParseWeldTolerance(weld));
+  }
+  ISOMATCH_ASSIGN_OR_RETURN(LoadedMesh loaded, ReadMesh(path, field));
+  if (!weld.empty()) {
+    const absl::StatusOr<VertexIndex> moved =
+        WeldVertices(tolerance, &loaded.mesh);
+    if (!moved.ok()) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(field, ": '", path, "': ", moved.status().message()));
+    }
+    if (*moved > 0) {
+      loaded.warnings.push_back(
+          absl::StrCat(*moved, " vertices were moved to others within ",
+                       tolerance.LengthFor(loaded.mesh), ", as --weld says"));
+    }
+  }
+  if (const std::optional<WeldAdvice> advice = AdviseWeld(loaded.mesh)) {
+    loaded.warnings.push_back(advice->Text());
+  }
+  return loaded;
+}
+
 absl::StatusOr<TriangleMesh> LoadMesh(const std::string& path,
                                       const std::string& field,
+                                      const std::string& weld,
                                       std::vector<std::string>* warnings) {
-  ISOMATCH_ASSIGN_OR_RETURN(LoadedMesh loaded, ReadMesh(path, field));
+  ISOMATCH_ASSIGN_OR_RETURN(LoadedMesh loaded, LoadMeshFile(path, field, weld));
   for (const std::string& warning : loaded.warnings) {
     warnings->push_back(absl::StrCat(field, ": '", path, "': ", warning));
   }
   return std::move(loaded.mesh);
+}
+
+absl::Status CheckExtension(const std::string& option, const std::string& path,
+                            const std::vector<std::string>& allowed) {
+  const std::string extension = LowerExtension(path);
+  if (path.empty() ||
+      std::find(allowed.begin(), allowed.end(), extension) != allowed.end()) {
+    return absl::OkStatus();
+  }
+  std::vector<std::string> names = allowed;
+  std::erase(names, "");
+  const bool none = names.size() < allowed.size();
+  return absl::InvalidArgumentError(absl::StrCat(
+      option, " '", path, "': the extension is '", extension, "', expected ",
+      absl::StrJoin(names, " or "), none ? ", or no extension" : ""));
 }
 
 absl::Status PrintJson(const nlohmann::ordered_json& json,

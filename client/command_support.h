@@ -8,15 +8,40 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "client/command_line.h"
+#include "client/mesh_file.h"
 #include "core/mesh/triangle_mesh.h"
+
+namespace CLI {
+class App;
+}  // namespace CLI
 
 namespace isomatch {
 
-/// Reads the mesh of a command's argument `field` and appends what is to be
-/// said about it to `warnings`. Errors as ReadMesh.
+/// Adds --weld; `weld` outlives `command`.
+void AddWeldOption(CLI::App* command, std::string* weld);
+
+/// Reads the mesh of a command's argument `field`, welds it as --weld `weld`
+/// says ("" for not at all) and appends what is to be said about it to
+/// `warnings`. Errors as ReadMesh, ParseWeldTolerance and WeldVertices.
+absl::StatusOr<LoadedMesh> LoadMeshFile(const std::string& path,
+                                        const std::string& field,
+                                        const std::string& weld);
+
+/// The same; the warnings, which name field and file, go to `warnings`.
 absl::StatusOr<TriangleMesh> LoadMesh(const std::string& path,
                                       const std::string& field,
+                                      const std::string& weld,
                                       std::vector<std::string>* warnings);
+
+/// INVALID_ARGUMENT unless the extension of `path`, in any case, is one of
+/// `allowed`; "" allows a name without one, as devices have. "" passes for no
+/// path.
+absl::Status CheckExtension(const std::string& option, const std::string& path,
+                            const std::vector<std::string>& allowed);
+
+/// What a file of lines may be called.
+inline const std::vector<std::string> kTextExtensions = {".txt", ""};
+inline const std::vector<std::string> kJsonExtensions = {".json", ""};
 
 /// Prints `json` for machines, indented. File names in it need not be UTF-8.
 /// Errors as Print.

@@ -10,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "absl/strings/string_view.h"
+#include "client/option_support.h"
 #include "client/text_file.h"
 #include "core/base/status_macros.h"
 
@@ -21,9 +22,16 @@ constexpr char kEnvironmentKey[] = "ISOMATCH_API_KEY";
 // What CLI11 tells the user about a --server that is none; empty when it is.
 std::string CheckAddress(const std::string& address) {
   if (absl::StartsWith(address, "unix:")) return "";
+  const std::size_t scheme = address.find("://");
+  if (scheme != std::string::npos) {
+    return absl::StrCat("'", address, "', expected HOST:PORT without ",
+                        address.substr(0, scheme + 3),
+                        "; --tls-ca asks for an encrypted connection");
+  }
   const std::size_t colon = address.rfind(':');
   int port = 0;
   if (colon != std::string::npos && colon > 0 &&
+      address.find_first_of("/ \t") == std::string::npos &&
       absl::SimpleAtoi(address.substr(colon + 1), &port) && port > 0 &&
       port <= 65535) {
     return "";
@@ -82,30 +90,39 @@ bool IsThisMachine(const std::string& address) {
 void AddConnectionFlags(CLI::App* command, ConnectionFlags* flags,
                         ServerUse use) {
   if (use == ServerUse::kNeeded) flags->server = kDefaultServer;
-  CLI::Option* server =
-      command
-          ->add_option("--server", flags->server,
-                       "HOST:PORT of a running isomatch-server")
-          ->envname("ISOMATCH_SERVER")
-          ->check(CLI::Validator(CheckAddress, "HOST:PORT"));
+  CLI::Option* server = command
+                            ->add_option("--server", flags->server,
+                                         "Address of a running isomatch-server")
+                            ->envname("ISOMATCH_SERVER")
+                            ->check(CLI::Validator(CheckAddress, ""))
+                            ->type_name("HOST:PORT");
   CLI::Option* ca =
-      command->add_option("--tls-ca", flags->tls_ca,
-                          "PEM file of the authorities that vouch for the "
-                          "server; with it the connection is encrypted");
+      command
+          ->add_option("--tls-ca", flags->tls_ca,
+                       "PEM file of the authorities that vouch for the "
+                       "server; with it the connection is encrypted")
+          ->type_name(kFile);
   CLI::Option* certificate =
       command
           ->add_option("--tls-cert", flags->tls_cert,
                        "PEM file of your certificate, where the server asks")
+          ->type_name(kFile)
           ->needs(ca);
   CLI::Option* key = command
                          ->add_option("--tls-key", flags->tls_key,
                                       "PEM file of its private key")
+                         ->type_name(kFile)
                          ->needs(certificate);
   certificate->needs(key);
-  CLI::Option* api_key = command->add_option(
-      "--api-key-file", flags->api_key_file,
-      "File with your API key in one line; without it the environment's "
-      "ISOMATCH_API_KEY is taken");
+  CLI::Option* api_key =
+      command
+          ->add_option("--api-key-file", flags->api_key_file,
+                       "File with your API key in one line; without it the "
+                       "environment's ISOMATCH_API_KEY is taken")
+          ->type_name(kFile);
+  SetGroup(
+      command, kServerGroup,
+      {"--server", "--tls-ca", "--tls-cert", "--tls-key", "--api-key-file"});
   if (use == ServerUse::kNeeded) {
     server->capture_default_str();
   } else {

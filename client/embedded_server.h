@@ -8,6 +8,10 @@
 
 namespace isomatch {
 
+/// The number of threads that a job can have on this machine; 0 stays 0. Asked
+/// for more, TBB would complain.
+std::uint32_t ThreadsHere(std::uint32_t threads);
+
 /// Starts the server that commands use when no `--server` was given: in this
 /// process, without a port and without files. `workers` >= 1 jobs at a time;
 /// `threads` of each, 0 sharing the cores among them. Errors of Server::Create.

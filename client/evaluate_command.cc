@@ -9,9 +9,12 @@
 #include "absl/status/statusor.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "client/command_support.h"
 #include "client/commands.h"
 #include "client/map_file.h"
 #include "client/mesh_file.h"
+#include "client/option_support.h"
+#include "client/place_file.h"
 #include "core/base/status_macros.h"
 #include "core/evaluation/geodesic_error.h"
 
@@ -19,9 +22,12 @@ namespace isomatch {
 namespace {
 
 constexpr char kEvaluateFooter[] = R"(
-The error of a vertex is the geodesic distance on Y between the vertex that MAP
-names and the true one (Princeton protocol), as a fraction of Y's geodesic
+The error of a vertex is the geodesic distance on Y between the vertex, or with
+a --precise file the place, that MAP names and the true one (Princeton protocol), as a fraction of Y's geodesic
 diameter and of the square root of its area.
+
+GT names vertices, so a --precise file measures about half an edge even where it
+is right, and a map that hits the vertex none.
 
 GT has lines `x y`, or `x y y_mirrored` for shapes with a left-right symmetry,
 or one bare y for each vertex of X, or is a map in a .npy or .json file. With
@@ -30,37 +36,47 @@ good there only swaps left and right.
 
 Examples:
   isomatch evaluate Y.off map.txt truth.txt
+  isomatch evaluate Y.off places.txt truth.txt
   isomatch evaluate Y.off map.npy truth.txt --json)";
 
 struct EvaluateArguments {
   std::string y;
   std::string map;
   std::string truth;
+  std::string weld;
   bool json = false;
 };
 
 struct Errors {
   GeodesicError direct;
   std::optional<GeodesicError> mirrored;
+  bool is_precise = false;
 };
 
 absl::StatusOr<Errors> Measure(const EvaluateArguments& arguments,
                                const std::stop_token& stop) {
-  ISOMATCH_ASSIGN_OR_RETURN(const LoadedMesh y, ReadMesh(arguments.y, "Y"));
+  ISOMATCH_ASSIGN_OR_RETURN(const LoadedMesh y,
+                            LoadMeshFile(arguments.y, "Y", arguments.weld));
   const VertexIndex vertices_y = y.mesh.num_vertices();
-  ISOMATCH_ASSIGN_OR_RETURN(const VertexMap found,
-                            ReadMap(arguments.map, vertices_y));
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const PlacesOnY places,
+      ReadPlaces(arguments.map, /*vertices_x=*/std::nullopt, y.mesh));
+  const VertexMap found = places.HeaviestVertices();
   ISOMATCH_ASSIGN_OR_RETURN(
       const GroundTruth truth,
       ReadGroundTruth(arguments.truth, static_cast<std::int64_t>(found.size()),
                       vertices_y));
   const GeodesicErrorMeter meter(y.mesh);
+  const auto measure = [&](const VertexMap& true_vertices) {
+    return places.is_precise ? meter.Measure(y.mesh.faces, places.on_faces,
+                                             true_vertices, stop)
+                             : meter.Measure(found, true_vertices, stop);
+  };
   Errors errors;
-  ISOMATCH_ASSIGN_OR_RETURN(errors.direct,
-                            meter.Measure(found, truth.direct, stop));
+  errors.is_precise = places.is_precise;
+  ISOMATCH_ASSIGN_OR_RETURN(errors.direct, measure(truth.direct));
   if (!truth.mirrored.empty()) {
-    ISOMATCH_ASSIGN_OR_RETURN(errors.mirrored,
-                              meter.Measure(found, truth.mirrored, stop));
+    ISOMATCH_ASSIGN_OR_RETURN(errors.mirrored, measure(truth.mirrored));
   }
   return errors;
 }
@@ -82,6 +98,7 @@ nlohmann::ordered_json ErrorJson(const GeodesicError& error) {
 std::string FormatJson(const Errors& errors) {
   nlohmann::ordered_json json = {{"diameter", errors.direct.diameter},
                                  {"sqrt_area", errors.direct.sqrt_area},
+                                 {"precise", errors.is_precise},
                                  {"direct", ErrorJson(errors.direct)}};
   if (errors.mirrored) json["mirrored"] = ErrorJson(*errors.mirrored);
   constexpr int kIndent = 2;
@@ -120,12 +137,17 @@ Command AddEvaluateCommand(CLI::App& app) {
       "evaluate", "Measures the error of a map against a ground truth.");
   const auto arguments = std::make_shared<EvaluateArguments>();
   command->add_option("Y", arguments->y, "Mesh that the map leads to")
-      ->required();
+      ->required()
+      ->type_name(kFile);
   command
       ->add_option("MAP", arguments->map,
-                   "Map as `match` writes it: .txt, .npy or .json")
-      ->required();
-  command->add_option("GT", arguments->truth, "Ground truth")->required();
+                   "Map (.txt, .npy, .json), or --precise file")
+      ->required()
+      ->type_name(kFile);
+  command->add_option("GT", arguments->truth, "Ground truth")
+      ->required()
+      ->type_name(kFile);
+  AddWeldOption(command, &arguments->weld);
   command->add_flag("--json", arguments->json, "Print JSON instead of text");
   command->footer(kEvaluateFooter);
   return {command, [arguments](const Terminal& terminal) {

@@ -11,6 +11,7 @@
 #include "client/job_text.h"
 #include "client/match_outputs.h"
 #include "client/mesh_file.h"
+#include "client/option_support.h"
 #include "client/progress_display.h"
 #include "client/remote_server.h"
 #include "core/base/status_macros.h"
@@ -87,10 +88,15 @@ Command AddGetCommand(CLI::App& app) {
   const auto arguments = std::make_shared<GetArguments>();
   arguments->outputs.map.clear();
   command->add_option("JOB", arguments->job, "Name, as `submit` printed it")
-      ->required();
+      ->required()
+      ->type_name("");
   AddMatchOutputs(command, &arguments->outputs);
-  CLI::Option* const mesh_y = command->add_option("--mesh-y", arguments->mesh_y,
-                                                  "File of Y, for --precise");
+  CLI::Option* const mesh_y =
+      command
+          ->add_option("--mesh-y", arguments->mesh_y,
+                       "The mesh Y, for the faces of --precise")
+          ->type_name(kFile)
+          ->group(kFilesGroup);
   command->get_option("--precise")->needs(mesh_y);
   AddConnectionFlags(command, &arguments->connection, ServerUse::kNeeded);
   command->add_flag("--wait", arguments->wait, "Watch the job until it ends");

@@ -14,6 +14,7 @@
 #include "client/inspection_report.h"
 #include "client/isomatch_client.h"
 #include "client/mesh_file.h"
+#include "client/option_support.h"
 #include "client/remote_server.h"
 #include "core/base/status_macros.h"
 
@@ -41,6 +42,7 @@ Examples:
 
 struct InspectArguments {
   std::vector<std::string> meshes;
+  std::string weld;
   ConnectionFlags connection;
   bool json = false;
 };
@@ -64,8 +66,10 @@ absl::StatusOr<v1::GetServerInfoResponse> AskServer(
 }
 
 absl::StatusOr<InspectionReport> Inspect(
-    const std::string& path, const v1::GetServerInfoResponse& server) {
-  ISOMATCH_ASSIGN_OR_RETURN(LoadedMesh loaded, ReadMesh(path, "MESH"));
+    const std::string& path, const std::string& weld,
+    const v1::GetServerInfoResponse& server) {
+  ISOMATCH_ASSIGN_OR_RETURN(LoadedMesh loaded,
+                            LoadMeshFile(path, "MESH", weld));
   InspectionReport report;
   report.path = path;
   report.reading = std::move(loaded.warnings);
@@ -84,7 +88,8 @@ absl::Status RunInspect(const InspectArguments& arguments,
     if (terminal.stop.stop_requested()) {
       return absl::CancelledError("interrupted");
     }
-    const absl::StatusOr<InspectionReport> report = Inspect(path, server);
+    const absl::StatusOr<InspectionReport> report =
+        Inspect(path, arguments.weld, server);
     if (!report.ok()) {
       // The last one is told by whoever called.
       if (!worst.ok()) {
@@ -116,7 +121,9 @@ Command AddInspectCommand(CLI::App& app) {
   command
       ->add_option("MESH", arguments->meshes,
                    "Meshes: .off, .obj, .ply or .stl")
-      ->required();
+      ->required()
+      ->type_name(kFile);
+  AddWeldOption(command, &arguments->weld);
   AddConnectionFlags(command, &arguments->connection, ServerUse::kOptional);
   command->add_flag("--json", arguments->json, "Print JSON instead of text");
   command->footer(kInspectFooter);

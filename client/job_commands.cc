@@ -13,6 +13,7 @@
 #include "client/isomatch_client.h"
 #include "client/job_flags.h"
 #include "client/job_text.h"
+#include "client/option_support.h"
 #include "client/progress_display.h"
 #include "client/remote_server.h"
 #include "core/base/status_macros.h"
@@ -189,7 +190,8 @@ Command AddJobsCommand(CLI::App& app, const std::string& name,
   CLI::App* command = app.add_subcommand(name, description);
   const auto arguments = std::make_shared<JobsArguments>();
   command->add_option("JOB", arguments->jobs, "Name, as `submit` printed it")
-      ->required();
+      ->required()
+      ->type_name("");
   AddConnectionFlags(command, &arguments->connection, ServerUse::kNeeded);
   command->add_flag("--json", arguments->json,
                     "Print each job that it was done to as JSON in a line");
@@ -206,7 +208,8 @@ Command AddWatchCommand(CLI::App& app) {
       app.add_subcommand("watch", "Shows a job's progress until it ends.");
   const auto arguments = std::make_shared<WatchArguments>();
   command->add_option("JOB", arguments->job, "Name, as `submit` printed it")
-      ->required();
+      ->required()
+      ->type_name("");
   AddConnectionFlags(command, &arguments->connection, ServerUse::kNeeded);
   command->add_flag("--json", arguments->json,
                     "Print each snapshot as JSON in a line of its own");
@@ -219,13 +222,17 @@ Command AddWatchCommand(CLI::App& app) {
 Command AddListCommand(CLI::App& app) {
   CLI::App* command = app.add_subcommand("list", "Lists the server's jobs.");
   const auto arguments = std::make_shared<ListArguments>();
-  command->add_option("--state", arguments->states,
-                      "queued, running, succeeded, failed or cancelled; may be "
-                      "repeated");
-  command->add_option("--label", arguments->labels,
-                      "KEY=VALUE the jobs have; may be repeated");
+  command
+      ->add_option("--state", arguments->states,
+                   "Jobs in this state; may be repeated")
+      ->type_name("STATE:{queued,running,succeeded,failed,cancelled}");
+  command
+      ->add_option("--label", arguments->labels,
+                   "Jobs that have it; may be repeated")
+      ->type_name("KEY=VALUE");
   command->add_option("--limit", arguments->limit, "At most so many")
-      ->check(CLI::Range(1, 1'000'000))
+      ->check(WholeNumber(1, 1'000'000))
+      ->type_name("COUNT")
       ->capture_default_str();
   AddConnectionFlags(command, &arguments->connection, ServerUse::kNeeded);
   CLI::Option* const names =

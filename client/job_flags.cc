@@ -1,13 +1,19 @@
 #include "client/job_flags.h"
 
+#include <cmath>
+#include <limits>
+#include <regex>
 #include <utility>
 
 #include <CLI/CLI.hpp>
 
+#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_replace.h"
 #include "absl/strings/str_split.h"
 #include "client/command_support.h"
 #include "client/map_file.h"
+#include "client/option_support.h"
 #include "core/base/status_macros.h"
 
 namespace isomatch {
@@ -27,14 +33,28 @@ absl::StatusOr<absl::Duration> ParseTimeout(const std::string& flag,
                    "', expected a duration above 0, e.g. 90s, 10m or 2h30m"));
 }
 
+// What the API takes; a server uses no more than its share.
+constexpr std::uint64_t kMostThreads = 1024;
+
+// "27.3 MB", not less than the bytes.
+std::string Megabytes(const std::string& bytes) {
+  double number = 0;
+  if (!absl::SimpleAtod(bytes, &number)) return bytes;
+  return absl::StrCat(std::ceil(number / 1e5) / 10, " MB");
+}
+
 }  // namespace
 
 void AddPairOptions(CLI::App* command, std::string* x, std::string* y,
                     std::string* landmarks) {
-  command->add_option("X", *x, "Mesh: .off, .obj, .ply or .stl")->required();
-  command->add_option("Y", *y, "Mesh: .off, .obj, .ply or .stl")->required();
-  command->add_option("--landmarks", *landmarks,
-                      "File of known matches, lines `x y`");
+  constexpr char kMesh[] = "Mesh: .off, .obj, .ply or .stl";
+  command->add_option("X", *x, kMesh)->required()->type_name(kFile);
+  command->add_option("Y", *y, kMesh)->required()->type_name(kFile);
+  command
+      ->add_option("--landmarks", *landmarks,
+                   "File of known matches, lines `x y`")
+      ->type_name(kFile)
+      ->group(kMethodGroup);
 }
 
 void AddJobFlags(CLI::App* command, JobFlags* flags) {
@@ -43,40 +63,62 @@ void AddJobFlags(CLI::App* command, JobFlags* flags) {
   command
       ->add_option("--priority", flags->priority,
                    "With --server: jobs of a higher one start first")
-      ->check(CLI::Range(-100, 100))
+      ->check(CLI::Range(-100, 100).description(""))
+      ->type_name("NUMBER")
       ->capture_default_str();
-  command
-      ->add_option("--profile", flags->profile,
-                   "default: what measured best; paper: as published")
-      ->check(CLI::IsMember({"default", "paper"}))
+  SetChoices(command->add_option("--profile", flags->profile,
+                                 "default: what measured best; paper: as "
+                                 "published"),
+             "NAME", {"default", "paper"})
       ->capture_default_str();
   command
       ->add_option("--random-seed", flags->random_seed,
                    "The same seed gives the same map")
+      ->check(WholeNumber(0, std::numeric_limits<std::uint64_t>::max()))
+      ->type_name("SEED")
       ->capture_default_str();
-  command->add_option("--solved-vertices", flags->solved_vertices,
-                      "Decimate larger meshes to about as many and lift the "
-                      "map; 0 never does, not given: as the profile has it");
+  command
+      ->add_option("--solved-vertices", flags->solved_vertices,
+                   "Decimate larger meshes to about as many and lift the map; "
+                   "0 never does, not given: as the profile has it")
+      ->check(WholeNumber(0, std::numeric_limits<std::int32_t>::max()))
+      ->type_name("COUNT");
   command
       ->add_option("--memory-limit", flags->memory_limit_bytes,
                    "The job takes no more, e.g. 800MB or 2GB: it uses fewer "
                    "threads, then solves on fewer vertices, or is refused")
-      ->transform(CLI::AsSizeValue(/*kb_is_1000=*/true))
+      ->transform(MemorySize())
+      ->type_name("BYTES")
       ->default_str("none");
   command
       ->add_option("--threads", flags->threads,
-                   "For each job; 0: all cores, or the server's share")
-      ->check(CLI::Range(0, 1024))
+                   "For each job; 0, or more than there are: all cores, or the "
+                   "server's share")
+      ->check(WholeNumber(0, kMostThreads))
+      ->type_name("COUNT")
       ->capture_default_str();
+  SetGroup(command, kMethodGroup,
+           {"--landmarks-exact", "--profile", "--random-seed",
+            "--solved-vertices", "--memory-limit", "--threads"});
+  SetGroup(command, kServerGroup, {"--priority"});
+  AddWeldOption(command, &flags->weld);
 }
 
 void AddQueueFlags(CLI::App* command, QueueFlags* flags) {
-  command->add_option("--label", flags->labels,
-                      "KEY=VALUE to find the job by; may be repeated");
-  command->add_option("--queue-timeout", flags->queue_timeout,
-                      "Fail the job when it waited so long, e.g. 10m");
-  command->add_option("--run-timeout", flags->run_timeout,
-                      "Fail the job when it ran so long, e.g. 90s");
+  command
+      ->add_option("--label", flags->labels,
+                   "To find the job by; may be repeated")
+      ->type_name("KEY=VALUE");
+  command
+      ->add_option("--queue-timeout", flags->queue_timeout,
+                   "Fail the job when it waited so long, e.g. 10m")
+      ->type_name("DURATION");
+  command
+      ->add_option("--run-timeout", flags->run_timeout,
+                   "Fail the job when it ran so long, e.g. 90s")
+      ->type_name("DURATION");
+  SetGroup(command, kServerGroup,
+           {"--label", "--queue-timeout", "--run-timeout"});
 }
 
 void SetJobFlags(const JobFlags& flags, MatchRequest* request) {
@@ -119,17 +161,40 @@ absl::StatusOr<std::map<std::string, std::string>> ParseLabels(
   return labels;
 }
 
-absl::Status ReadInputs(const std::string& path_x, const std::string& path_y,
-                        const std::string& landmarks, MatchRequest* request,
+absl::Status ReadInputs(const MatchFiles& files, MatchRequest* request,
                         std::vector<std::string>* warnings) {
-  ISOMATCH_ASSIGN_OR_RETURN(request->mesh_x, LoadMesh(path_x, "X", warnings));
-  ISOMATCH_ASSIGN_OR_RETURN(request->mesh_y, LoadMesh(path_y, "Y", warnings));
-  if (landmarks.empty()) return absl::OkStatus();
+  ISOMATCH_ASSIGN_OR_RETURN(request->mesh_x,
+                            LoadMesh(files.x, "X", files.weld, warnings));
+  ISOMATCH_ASSIGN_OR_RETURN(request->mesh_y,
+                            LoadMesh(files.y, "Y", files.weld, warnings));
+  if (files.landmarks.empty()) return absl::OkStatus();
   ISOMATCH_ASSIGN_OR_RETURN(
       request->landmarks,
-      ReadLandmarks(landmarks, request->mesh_x.num_vertices(),
+      ReadLandmarks(files.landmarks, request->mesh_x.num_vertices(),
                     request->mesh_y.num_vertices()));
   return absl::OkStatus();
+}
+
+absl::Status InFlagWords(const absl::Status& status) {
+  if (status.ok()) return status;
+  std::string text(status.message());
+  static const std::regex kLimit(
+      "options\\.memory_limit_bytes: ([0-9]+), expected at least ([0-9]+)");
+  std::smatch match;
+  if (std::regex_search(text, match, kLimit)) {
+    text = absl::StrCat(match.prefix().str(),
+                        "--memory-limit: ", Megabytes(match[1].str()),
+                        ", expected at least ", Megabytes(match[2].str()),
+                        match.suffix().str());
+  }
+  return absl::Status(
+      status.code(),
+      absl::StrReplaceAll(text,
+                          {{"options.memory_limit_bytes", "--memory-limit"},
+                           {"options.solved_vertices", "--solved-vertices"},
+                           {"options.random_seed", "--random-seed"},
+                           {"options.threads", "--threads"},
+                           {"options.profile", "--profile"}}));
 }
 
 }  // namespace isomatch

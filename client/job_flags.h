@@ -25,6 +25,8 @@ struct JobFlags {
   std::uint64_t memory_limit_bytes = 0;
   std::int32_t priority = 0;
   bool landmarks_exact = false;
+  /// As --weld has it; "" for not at all.
+  std::string weld;
 };
 
 /// What only a job on a server can have.
@@ -53,10 +55,21 @@ absl::Status SetQueueFlags(const QueueFlags& flags, MatchRequest* request);
 absl::StatusOr<std::map<std::string, std::string>> ParseLabels(
     const std::string& flag, const std::vector<std::string>& words);
 
-/// Reads both meshes and, unless empty, the landmarks. What is to be said about
-/// the files is appended to `warnings`. Errors name X, Y or the file's line.
-absl::Status ReadInputs(const std::string& path_x, const std::string& path_y,
-                        const std::string& landmarks, MatchRequest* request,
+/// The files that a match reads; `landmarks` and `weld` empty for none.
+struct MatchFiles {
+  std::string x;
+  std::string y;
+  std::string landmarks;
+  std::string weld;
+};
+
+/// Reads both meshes and the landmarks. What is to be said about the files is
+/// appended to `warnings`. Errors name X, Y or the file's line.
+absl::Status ReadInputs(const MatchFiles& files, MatchRequest* request,
                         std::vector<std::string>* warnings);
+
+/// An error of the server about the options of a job, in words of the command
+/// line: flags for fields, megabytes for bytes.
+absl::Status InFlagWords(const absl::Status& status);
 
 }  // namespace isomatch

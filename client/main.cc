@@ -42,6 +42,7 @@ int main(int argc, char** argv) {
   std::thread(WatchSignals, stop).detach();
   isomatch::Terminal terminal;
   terminal.is_interactive = isatty(STDERR_FILENO) != 0;
+  terminal.out_is_terminal = isatty(STDOUT_FILENO) != 0;
   terminal.stop = stop.get_token();
   return isomatch::RunCommandLine(argc, argv, terminal);
 }

@@ -1,3 +1,5 @@
+#include <algorithm>
+#include <cstdint>
 #include <memory>
 #include <optional>
 #include <string>
@@ -7,6 +9,7 @@
 
 #include "absl/status/statusor.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "client/commands.h"
 #include "client/connection_flags.h"
 #include "client/embedded_server.h"
@@ -24,8 +27,10 @@ namespace {
 constexpr char kMatchFooter[] = R"(
 MAP has one line for each vertex of X, in the order of X's file: the 0-based
 vertex of Y that it corresponds to, or -1 for a vertex on no face. Its extension
-tells the format: .npy is the same as a NumPy array of int64, .json as JSON,
-.ply is X in the colours of Y, to be looked at; anything else is text.
+tells the format: .txt or none is text, .npy the same as a NumPy array of int64,
+.json as JSON, .ply is X in the colours of Y, to be looked at. Without -o the map
+goes to standard output; where that is a terminal, a summary does instead, unless
+-o - asks for the numbers.
 
 Without --server the work is done in this process, by the same server code.
 
@@ -63,6 +68,8 @@ struct MatchArguments {
   MatchOutputs outputs;
   bool no_progress = false;
   bool json = false;
+  /// Tell a person about the map in place of printing it.
+  bool is_summary = false;
 };
 
 absl::StatusOr<MatchResult> RunMatch(
@@ -94,11 +101,25 @@ absl::StatusOr<MatchResult> RunEmbedded(const MatchRequest& request,
   return RunMatch(server->InProcessChannel(), request, arguments, terminal);
 }
 
+// For a terminal that got no map.
+std::string FormatSummary(const MatchResult& result) {
+  const auto unmatched =
+      std::count(result.y_from_x.begin(), result.y_from_x.end(), kNoVertex);
+  return absl::StrFormat(
+      "%d of %d vertices of X have a place on Y, mean confidence %.2f, "
+      "coverage of Y %.2f\n"
+      "the map was not written: -o map.txt writes it, -o - prints it\n",
+      static_cast<std::int64_t>(result.y_from_x.size()) - unmatched,
+      result.y_from_x.size(), result.info.quality().mean_confidence(),
+      result.info.quality().coverage());
+}
+
 absl::Status RunMatch(const MatchArguments& arguments,
                       const Terminal& terminal) {
   ISOMATCH_RETURN_IF_ERROR(CheckOutputs(
       arguments.outputs, {arguments.x, arguments.y, arguments.landmarks}));
-  if (arguments.json && arguments.outputs.map == "-") {
+  if (arguments.json &&
+      (arguments.outputs.map == "-" || arguments.is_summary)) {
     return absl::InvalidArgumentError(
         "--json: the map goes to standard output, expected -o FILE");
   }
@@ -109,9 +130,9 @@ absl::Status RunMatch(const MatchArguments& arguments,
   }
   MatchRequest request;
   MeshFacts facts = {&request.mesh_x, &request.mesh_y};
-  ISOMATCH_RETURN_IF_ERROR(ReadInputs(arguments.x, arguments.y,
-                                      arguments.landmarks, &request,
-                                      &facts.warnings));
+  ISOMATCH_RETURN_IF_ERROR(ReadInputs(
+      {arguments.x, arguments.y, arguments.landmarks, arguments.job.weld},
+      &request, &facts.warnings));
   if (NeedColors(arguments.outputs)) {
     absl::StatusOr<std::optional<Colors>> colors =
         ReadVertexColors(arguments.y, request.mesh_y.num_vertices());
@@ -124,16 +145,19 @@ absl::Status RunMatch(const MatchArguments& arguments,
     }
   }
   SetJobFlags(arguments.job, &request);
+  if (!server) request.threads = ThreadsHere(request.threads);
   request.parts = PartsFor(arguments.outputs);
   Warn(facts.warnings, terminal);
-  ISOMATCH_ASSIGN_OR_RETURN(
-      const MatchResult result,
+  const absl::StatusOr<MatchResult> found =
       server ? RunRemote(request, *server, arguments, terminal)
-             : RunEmbedded(request, arguments, terminal));
+             : RunEmbedded(request, arguments, terminal);
+  if (!found.ok()) return InFlagWords(found.status());
+  const MatchResult& result = *found;
   Warn(ResultWarnings(result.info), terminal);
   TellVerdict(result.info.verdict(), arguments.no_progress, terminal);
   ISOMATCH_RETURN_IF_ERROR(
       WriteOutputs(arguments.outputs, facts, result, terminal));
+  if (arguments.is_summary) return Print(FormatSummary(result), terminal);
   if (!arguments.json) return absl::OkStatus();
   return Print(FormatReport(result, facts.warnings), terminal);
 }
@@ -153,7 +177,11 @@ Command AddMatchCommand(CLI::App& app) {
   command->add_flag("--json", arguments->json,
                     "Print the report as JSON; needs -o");
   command->footer(kMatchFooter);
-  return {command, [arguments](const Terminal& terminal) {
+  return {command, [arguments, command](const Terminal& terminal) {
+            if (terminal.out_is_terminal && command->count("--output") == 0) {
+              arguments->outputs.map.clear();
+              arguments->is_summary = true;
+            }
             return RunMatch(*arguments, terminal);
           }};
 }

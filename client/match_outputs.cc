@@ -13,6 +13,7 @@
 #include "client/map_file.h"
 #include "client/map_ply.h"
 #include "client/match_report.h"
+#include "client/option_support.h"
 #include "client/part_files.h"
 #include "client/text_file.h"
 #include "core/base/status_macros.h"
@@ -109,6 +110,23 @@ absl::Status WritePart(const Output& output, const Part& part,
                    "isomatch-server"));
 }
 
+absl::Status CheckExtensions(const MatchOutputs& outputs) {
+  static const std::vector<std::string> kMaps = {".txt", ".npy", ".json",
+                                                 ".ply", ""};
+  if (outputs.map != "-") {
+    ISOMATCH_RETURN_IF_ERROR(CheckExtension("--output", outputs.map, kMaps));
+  }
+  ISOMATCH_RETURN_IF_ERROR(
+      CheckExtension("--alternative", outputs.alternative, kMaps));
+  ISOMATCH_RETURN_IF_ERROR(
+      CheckExtension("--precise", outputs.precise, kTextExtensions));
+  ISOMATCH_RETURN_IF_ERROR(
+      CheckExtension("--confidence", outputs.confidence, kTextExtensions));
+  ISOMATCH_RETURN_IF_ERROR(CheckExtension(
+      "--functional-map", outputs.functional_map, kJsonExtensions));
+  return CheckExtension("--report", outputs.report, kJsonExtensions);
+}
+
 // Below it a second map is nearly as good as the chosen one.
 constexpr double kLowSymmetryConfidence = 0.2;
 
@@ -121,15 +139,19 @@ void AddMatchOutputs(CLI::App* command, MatchOutputs* outputs) {
                    "standard output")
       ->capture_default_str();
   command->add_option("--precise", outputs->precise,
-                      "File of places between the vertices of Y");
+                      "Places between the vertices of Y, .txt");
   command->add_option("--confidence", outputs->confidence,
-                      "File of how far to trust each line of MAP, 0 to 1");
+                      "How far to trust each line of MAP, 0 to 1, .txt");
   command->add_option("--alternative", outputs->alternative,
                       "MAP of the runner-up, as a rule a symmetric image");
   command->add_option("--functional-map", outputs->functional_map,
-                      "JSON file of the map between eigenfunctions");
+                      "The map between eigenfunctions, .json");
   command->add_option("--report", outputs->report,
-                      "JSON file about the run: times, memory, quality");
+                      "About the run: times, memory, quality, .json");
+  for (const char* name : {"--output", "--precise", "--confidence",
+                           "--alternative", "--functional-map", "--report"}) {
+    command->get_option(name)->type_name(kFile)->group(kFilesGroup);
+  }
 }
 
 bool NeedColors(const MatchOutputs& outputs) {
@@ -162,6 +184,7 @@ std::vector<std::string> ResultWarnings(const v1::ResultInfo& info) {
 
 absl::Status CheckOutputs(const MatchOutputs& outputs,
                           const std::vector<std::string>& inputs) {
+  ISOMATCH_RETURN_IF_ERROR(CheckExtensions(outputs));
   std::map<std::string, const char*> option_of_file;
   for (const auto& [option, path] : Files(outputs)) {
     ISOMATCH_RETURN_IF_ERROR(CheckOutputFile(path));

@@ -57,7 +57,8 @@ struct MeshFacts {
   std::vector<std::string> warnings = {};
 };
 
-/// OK when all of them can be expected to be written, no two are one file and
+/// OK when all of them can be expected to be written and have an extension that
+/// tells what is in them (or none), no two are one file and
 /// none is one of the `inputs`. Asked before the long work. INVALID_ARGUMENT
 /// names option and path.
 absl::Status CheckOutputs(const MatchOutputs& outputs,

@@ -14,6 +14,7 @@
 #include "client/text_file.h"
 #include "core/base/status_macros.h"
 #include "core/io/draco_mesh.h"
+#include "core/io/face_order.h"
 #include "core/mesh/clean_mesh.h"
 #include "core/mesh/mesh_geometry.h"
 #include "core/mesh/topology.h"
@@ -309,10 +310,14 @@ absl::StatusOr<MeshInspection> InspectMesh(const std::string& path,
   ISOMATCH_ASSIGN_OR_RETURN(found.format, FormatName(path));
   found.vertices = mesh.num_vertices();
   found.faces = mesh.num_faces();
-  const CleanMesh clean = Clean(AsSent(mesh));
-  InspectVertices(mesh, clean, &found);
+  // In the order that a server gives them: which faces of a patch that encloses
+  // nothing are turned depends on its first one.
+  TriangleMesh sent = AsSent(mesh);
+  SortFaces(sent.num_vertices(), sent.faces);
+  const CleanMesh clean = Clean(sent);
+  InspectVertices(sent, clean, &found);
   InspectSurface(clean, &found);
-  InspectTurn(clean, AsInFile(mesh, clean, &found), &found);
+  InspectTurn(clean, AsInFile(sent, clean, &found), &found);
   WarnOfComponents(found, &found.warnings);
   WarnOfGeometry(found, &found.warnings);
   return found;

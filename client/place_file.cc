@@ -35,7 +35,7 @@ bool IsPrecise(absl::string_view text) {
   return false;
 }
 
-absl::StatusOr<PrecisePoint> ParsePlace(const std::string& path, int line,
+absl::StatusOr<SurfacePoint> ParsePlace(const std::string& path, int line,
                                         const Words& words,
                                         const TriangleMesh& mesh_y) {
   if (words.size() != kPreciseColumns) {
@@ -51,10 +51,10 @@ absl::StatusOr<PrecisePoint> ParsePlace(const std::string& path, int line,
         absl::StrCat("FACE is ", words[0].substr(0, 40), ", expected -1 to ",
                      mesh_y.num_faces() - 1, " (0-based)"));
   }
-  PrecisePoint point;
+  SurfacePoint point;
   double sum = 0;
   for (std::size_t i = 0; i < 3; ++i) {
-    double& weight = point.weights[i];
+    double& weight = point.weights[static_cast<Eigen::Index>(i)];
     if (!absl::SimpleAtod(words[i + 1], &weight) ||
         !(weight >= -kWeightTolerance) || !(weight <= 1 + kWeightTolerance)) {
       return LineError(path, line,
@@ -64,23 +64,31 @@ absl::StatusOr<PrecisePoint> ParsePlace(const std::string& path, int line,
     weight = std::clamp(weight, 0.0, 1.0);
     sum += weight;
   }
-  if (face == kNoVertex) return PrecisePoint{};
+  if (face == kNoVertex) return SurfacePoint{};
   if (std::abs(sum - 1) > kWeightTolerance) {
     return LineError(
         path, line,
         absl::StrCat("the sum of the weights is ", sum, ", expected 1"));
   }
+  point.face = face;
+  point.weights /= sum;
+  return point;
+}
+
+PrecisePoint ToPrecise(const SurfacePoint& point, const Faces& faces) {
+  PrecisePoint precise;
+  if (point.face == kNoVertex) return precise;
   for (int i = 0; i < 3; ++i) {
     const auto corner = static_cast<std::size_t>(i);
-    point.vertices[corner] = mesh_y.faces(face, i);
-    point.weights[corner] /= sum;
+    precise.vertices[corner] = faces(point.face, i);
+    precise.weights[corner] = point.weights[i];
   }
-  return point;
+  return precise;
 }
 
 absl::StatusOr<PlacesOnY> ParsePlaces(const std::string& path,
                                       absl::string_view text,
-                                      VertexIndex vertices_x,
+                                      std::optional<VertexIndex> vertices_x,
                                       const TriangleMesh& mesh_y) {
   PlacesOnY places;
   places.is_precise = true;
@@ -89,22 +97,36 @@ absl::StatusOr<PlacesOnY> ParsePlaces(const std::string& path,
     ++line;
     const Words words = WordsOf(row);
     if (words.empty()) continue;
-    ISOMATCH_ASSIGN_OR_RETURN(const PrecisePoint point,
+    ISOMATCH_ASSIGN_OR_RETURN(const SurfacePoint point,
                               ParsePlace(path, line, words, mesh_y));
-    places.points.push_back(point);
+    places.on_faces.push_back(point);
+    places.points.push_back(ToPrecise(point, mesh_y.faces));
   }
-  if (places.points.size() == static_cast<std::size_t>(vertices_x)) {
+  if (!vertices_x ||
+      places.points.size() == static_cast<std::size_t>(*vertices_x)) {
     return places;
   }
   return absl::InvalidArgumentError(
       absl::StrCat("'", path, "': ", places.points.size(), " lines, expected ",
-                   vertices_x, ", one for each vertex of X"));
+                   *vertices_x, ", one for each vertex of X"));
 }
 
 }  // namespace
 
+VertexMap PlacesOnY::HeaviestVertices() const {
+  VertexMap vertices;
+  vertices.reserve(points.size());
+  for (const PrecisePoint& point : points) {
+    const auto heaviest =
+        std::max_element(point.weights.begin(), point.weights.end());
+    vertices.push_back(point.vertices[static_cast<std::size_t>(
+        heaviest - point.weights.begin())]);
+  }
+  return vertices;
+}
+
 absl::StatusOr<PlacesOnY> ReadPlaces(const std::string& path,
-                                     VertexIndex vertices_x,
+                                     std::optional<VertexIndex> vertices_x,
                                      const TriangleMesh& mesh_y) {
   if (MapFormatOf(path) == MapFormat::kText) {
     ISOMATCH_ASSIGN_OR_RETURN(

@@ -1,13 +1,38 @@
 #include "client/remote_server.h"
 
 #include <cstdlib>
+#include <string>
 #include <utility>
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "client/connection.h"
 #include "core/base/status_macros.h"
 
 namespace isomatch {
+namespace {
+
+// Instead of gRPC's text about a connection that was not made.
+std::string ConnectionTrouble(const std::string& text) {
+  constexpr char kWhatToDo[] =
+      "; start isomatch-server, or name another by --server or ISOMATCH_SERVER";
+  if (absl::StrContains(text, "Connection refused")) {
+    return absl::StrCat("nobody listens there (connection refused)", kWhatToDo);
+  }
+  if (absl::StrContains(text, "No such file")) {
+    return absl::StrCat("there is no such socket", kWhatToDo);
+  }
+  if (absl::StrContains(text, "DNS resolution failed") ||
+      absl::StrContains(text, "Domain name not found")) {
+    return absl::StrCat("there is no host of this name", kWhatToDo);
+  }
+  if (absl::StrContains(text, "failed to connect to all addresses")) {
+    return absl::StrCat(text, kWhatToDo);
+  }
+  return text;
+}
+
+}  // namespace
 
 absl::StatusOr<RemoteServer> RemoteServer::Open(const ConnectionFlags& flags,
                                                 const Terminal& terminal) {
@@ -22,7 +47,8 @@ absl::Status RemoteServer::Explain(const absl::Status& status) const {
   switch (status.code()) {
     case absl::StatusCode::kUnavailable:
       return absl::UnavailableError(
-          absl::StrCat("--server ", address_, ": ", status.message()));
+          absl::StrCat("--server ", address_, ": ",
+                       ConnectionTrouble(std::string(status.message()))));
     case absl::StatusCode::kUnauthenticated:
       return absl::UnauthenticatedError(
           absl::StrCat("--server ", address_, ": ", status.message(),

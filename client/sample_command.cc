@@ -1,4 +1,6 @@
+#include <cstdint>
 #include <filesystem>
+#include <limits>
 #include <memory>
 #include <string>
 #include <vector>
@@ -16,6 +18,7 @@
 #include "client/map_file.h"
 #include "client/mesh_file.h"
 #include "client/obj_file.h"
+#include "client/option_support.h"
 #include "client/ply_file.h"
 #include "client/sample_animal.h"
 #include "client/sample_texture.h"
@@ -116,6 +119,8 @@ absl::Status CheckOutputs(const SampleArguments& arguments) {
   } else {
     ISOMATCH_RETURN_IF_ERROR(CheckTextureOutput(arguments.output));
   }
+  ISOMATCH_RETURN_IF_ERROR(
+      CheckExtension("--truth", arguments.truth, kTextExtensions));
   return arguments.truth.empty() ? absl::OkStatus()
                                  : CheckOutputFile(arguments.truth);
 }
@@ -193,27 +198,35 @@ Command AddSampleCommand(CLI::App& app) {
       "sample", "Writes a procedural animal, and the truth about a pair.");
   const auto arguments = std::make_shared<SampleArguments>();
   command->add_option("--pose", arguments->pose, "A, B or C")
+      ->type_name("POSE")
       ->capture_default_str();
   command
       ->add_option("--vertices", arguments->vertices,
                    "100 to 5000000, met exactly")
+      ->type_name("COUNT")
       ->capture_default_str();
   command
       ->add_option("--mesh-seed", arguments->mesh_seed,
                    "Another seed gives another triangulation")
+      ->check(WholeNumber(0, std::numeric_limits<std::uint64_t>::max()))
+      ->type_name("SEED")
       ->capture_default_str();
   command
       ->add_option("-o,--output", arguments->output,
                    "Mesh to write, .off or .ply; .obj with --texture")
+      ->type_name(kFile)
       ->required();
+  SetChoices(command->add_option("--texture", arguments->texture,
+                                 "Pattern on the animal"),
+             "PATTERN", {"checker", "stripes"});
   command
-      ->add_option("--texture", arguments->texture,
-                   "Pattern on the animal: checker or stripes")
-      ->check(CLI::IsMember({"checker", "stripes"}));
-  command->add_option("--truth-from", arguments->truth_from,
-                      "POSE:VERTICES[:MESH_SEED] of the mesh the truth is for");
-  command->add_option("--truth", arguments->truth,
-                      "Ground truth to write, from that mesh to this one");
+      ->add_option("--truth-from", arguments->truth_from,
+                   "The mesh that the truth is for")
+      ->type_name("POSE:VERTICES[:MESH_SEED]");
+  command
+      ->add_option("--truth", arguments->truth,
+                   "Ground truth to write, from that mesh to this one, .txt")
+      ->type_name(kFile);
   command->add_flag("--json", arguments->json,
                     "Print what was written as JSON");
   command->footer(kSampleFooter);

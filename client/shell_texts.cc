@@ -9,6 +9,7 @@
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_replace.h"
 #include "absl/strings/str_split.h"
+#include "client/option_support.h"
 
 namespace isomatch {
 namespace {
@@ -27,6 +28,10 @@ std::vector<std::string> FlagsOf(const CLI::Option& option) {
 
 bool TakesValue(const CLI::Option& option) {
   return option.get_items_expected_max() > 0;
+}
+
+bool IsOf(const CLI::Option& option, const char* placeholder) {
+  return PlaceholderOf(option) == placeholder;
 }
 
 // Those that are flags, not positional.
@@ -77,6 +82,52 @@ std::string ManText(absl::string_view text) {
   return absl::StrJoin(lines, "\n");
 }
 
+// For bash: what an option's value can be, by `COMMAND OPTION`; nothing for
+// files, which are completed anyway.
+std::string BashValues(const CLI::App& app) {
+  std::string cases;
+  for (const CLI::App* command : CommandsOf(app)) {
+    for (const CLI::Option* option : OptionsOf(*command)) {
+      if (!TakesValue(*option) || IsOf(*option, kFile)) continue;
+      std::vector<std::string> patterns;
+      for (const std::string& flag : FlagsOf(*option)) {
+        patterns.push_back(
+            absl::StrCat("'", command->get_name(), " ", flag, "'"));
+      }
+      absl::StrAppend(
+          &cases, "    ", absl::StrJoin(patterns, "|"),
+          ") COMPREPLY=($(compgen ",
+          IsOf(*option, kFolder)
+              ? "-d"
+              : absl::StrCat("-W '", absl::StrJoin(ChoicesOf(*option), " "),
+                             "'"),
+          " -- \"$current\")); return ;;\n");
+    }
+  }
+  return cases;
+}
+
+// What follows an option's description in a zsh specification.
+std::string ZshValue(const CLI::Option& option) {
+  if (!TakesValue(option)) return "";
+  const std::vector<std::string> choices = ChoicesOf(option);
+  if (!choices.empty()) {
+    return absl::StrCat(":value:(", absl::StrJoin(choices, " "), ")");
+  }
+  if (IsOf(option, kFile)) return ":file:_files";
+  return IsOf(option, kFolder) ? ":folder:_files -/" : ":value: ";
+}
+
+std::string FishValue(const CLI::Option& option) {
+  if (!TakesValue(option)) return "";
+  const std::vector<std::string> choices = ChoicesOf(option);
+  if (!choices.empty()) {
+    return absl::StrCat(" -x -a '", absl::StrJoin(choices, " "), "'");
+  }
+  if (IsOf(option, kFolder)) return " -x -a '(__fish_complete_directories)'";
+  return IsOf(option, kFile) ? " -r" : " -x";
+}
+
 // "LIST", "MESH...".
 std::string PositionalText(const CLI::Option& option) {
   return absl::StrCat(option.get_name(/*positional=*/true),
@@ -96,9 +147,15 @@ void AppendManCommand(const CLI::App& command, std::string& page) {
   }
   for (const CLI::Option* option : OptionsOf(command)) {
     absl::StrAppend(&page, ".TP\n.B ",
-                    ManText(absl::StrJoin(FlagsOf(*option), ", ")),
-                    TakesValue(*option) ? " VALUE" : "", "\n",
-                    ManText(option->get_description()));
+                    ManText(absl::StrJoin(FlagsOf(*option), ", ")));
+    if (TakesValue(*option)) {
+      absl::StrAppend(&page, " ", ManText(PlaceholderOf(*option)));
+    }
+    absl::StrAppend(&page, "\n", ManText(option->get_description()));
+    const std::vector<std::string> choices = ChoicesOf(*option);
+    if (!choices.empty()) {
+      absl::StrAppend(&page, ": ", ManText(absl::StrJoin(choices, ", ")));
+    }
     if (!option->get_default_str().empty()) {
       absl::StrAppend(&page, " (default ", ManText(option->get_default_str()),
                       ")");
@@ -127,6 +184,10 @@ std::string BashCompletion(const CLI::App& app) {
       CommandNames(app),
       " --help --version' -- \"$current\"))\n"
       "        return ;;\n"
+      "    help) COMPREPLY=($(compgen -W '",
+      CommandNames(app),
+      "' -- \"$current\"))\n"
+      "        return ;;\n"
       "    completion) COMPREPLY=($(compgen -W 'bash zsh fish' -- "
       "\"$current\"))\n"
       "        return ;;\n");
@@ -139,6 +200,9 @@ std::string BashCompletion(const CLI::App& app) {
                     absl::StrJoin(flags, " "), "' ;;\n");
   }
   absl::StrAppend(&script,
+                  "  esac\n"
+                  "  case \"$command ${COMP_WORDS[COMP_CWORD-1]}\" in\n",
+                  BashValues(app),
                   "  esac\n"
                   "  if [[ $current == -* ]]; then\n"
                   "    COMPREPLY=($(compgen -W \"$options\" -- \"$current\"))\n"
@@ -170,15 +234,17 @@ std::string ZshCompletion(const CLI::App& app) {
                   "  local command=$words[2]\n"
                   "  shift words; (( CURRENT-- ))\n"
                   "  case $command in\n"
-                  "    completion) _values shell bash zsh fish ;;\n");
+                  "    completion) _values shell bash zsh fish ;;\n"
+                  "    help) _describe command commands ;;\n");
   for (const CLI::App* command : CommandsOf(app)) {
     if (command->get_name() == "completion") continue;
+    if (command->get_name() == "help") continue;
     absl::StrAppend(&script, "    ", command->get_name(), ") _arguments \\\n");
     for (const CLI::Option* option : OptionsOf(*command)) {
       for (const std::string& flag : FlagsOf(*option)) {
         absl::StrAppend(&script, "      '", flag, "[",
                         ZshText(option->get_description()), "]",
-                        TakesValue(*option) ? ":value:_files" : "", "' \\\n");
+                        ZshValue(*option), "' \\\n");
       }
     }
     absl::StrAppend(&script, "      '*:file:_files' ;;\n");
@@ -205,13 +271,15 @@ std::string FishCompletion(const CLI::App& app) {
       for (const std::string& name : option->get_snames()) {
         absl::StrAppend(&script, " -s ", name);
       }
-      absl::StrAppend(&script, TakesValue(*option) ? " -r" : "", " -d '",
+      absl::StrAppend(&script, FishValue(*option), " -d '",
                       FishText(option->get_description()), "'\n");
     }
   }
   return script +
          "complete -c isomatch -n '__fish_seen_subcommand_from completion' "
-         "-f -a 'bash zsh fish'\n";
+         "-f -a 'bash zsh fish'\n"
+         "complete -c isomatch -n '__fish_seen_subcommand_from help' -f -a '" +
+         CommandNames(app) + "'\n";
 }
 
 std::string ManPage(const CLI::App& app, const std::string& version) {

@@ -7,12 +7,14 @@
 
 #include "absl/status/statusor.h"
 #include "absl/strings/str_cat.h"
+#include "client/command_support.h"
 #include "client/commands.h"
 #include "client/connection_flags.h"
 #include "client/isomatch_client.h"
 #include "client/job_flags.h"
 #include "client/job_text.h"
 #include "client/mesh_file.h"
+#include "client/option_support.h"
 #include "client/remote_server.h"
 #include "core/base/status_macros.h"
 
@@ -55,20 +57,22 @@ absl::Status RunSubmit(const SubmitArguments& arguments,
   ISOMATCH_RETURN_IF_ERROR(SetQueueFlags(arguments.queue, &request));
   SetJobFlags(arguments.job, &request);
   ISOMATCH_RETURN_IF_ERROR(ReadInputs(
-      arguments.x, arguments.y, arguments.landmarks, &request, &warnings));
+      {arguments.x, arguments.y, arguments.landmarks, arguments.job.weld},
+      &request, &warnings));
   if (arguments.functional_map) {
     request.parts = {v1::RESULT_PART_FUNCTIONAL_MAP};
   }
   Warn(warnings, terminal);
   const absl::StatusOr<v1::Job> job =
       IsomatchClient(server.channel()).Submit(request, terminal.stop);
-  if (!job.ok()) return server.Explain(job.status());
+  if (!job.ok()) return InFlagWords(server.Explain(job.status()));
   return Print(arguments.json ? ToJsonLine(*job) : job->name() + "\n",
                terminal);
 }
 
 struct UploadArguments {
   std::vector<std::string> meshes;
+  std::string weld;
   ConnectionFlags connection;
   bool json = false;
 };
@@ -94,7 +98,8 @@ absl::Status RunUpload(const UploadArguments& arguments,
                             RemoteServer::Open(arguments.connection, terminal));
   IsomatchClient client(server.channel());
   for (const std::string& path : arguments.meshes) {
-    ISOMATCH_ASSIGN_OR_RETURN(const LoadedMesh loaded, ReadMesh(path, "MESH"));
+    ISOMATCH_ASSIGN_OR_RETURN(const LoadedMesh loaded,
+                              LoadMeshFile(path, "MESH", arguments.weld));
     Warn(loaded.warnings, terminal);
     v1::Digest digest;
     const absl::StatusOr<bool> known =
@@ -131,7 +136,9 @@ Command AddUploadCommand(CLI::App& app) {
   const auto arguments = std::make_shared<UploadArguments>();
   command
       ->add_option("MESH", arguments->meshes, "Mesh: .off, .obj, .ply or .stl")
-      ->required();
+      ->required()
+      ->type_name(kFile);
+  AddWeldOption(command, &arguments->weld);
   AddConnectionFlags(command, &arguments->connection, ServerUse::kNeeded);
   command->add_flag("--json", arguments->json,
                     "Print each mesh as JSON in a line of its own");

@@ -18,6 +18,7 @@
 #include "client/map_file.h"
 #include "client/named_vertices.h"
 #include "client/obj_file.h"
+#include "client/option_support.h"
 #include "client/place_file.h"
 #include "client/ply_file.h"
 #include "client/text_file.h"
@@ -68,6 +69,7 @@ struct TransferArguments {
   std::string output;
   std::string labels;
   std::string landmarks;
+  std::string weld;
   std::int64_t missing = -1;
   bool json = false;
 };
@@ -119,10 +121,10 @@ absl::StatusOr<Inputs> ReadInputs(const TransferArguments& arguments,
                                   const Terminal& terminal) {
   Inputs inputs;
   std::vector<std::string> warnings;
-  ISOMATCH_ASSIGN_OR_RETURN(inputs.mesh_x,
-                            LoadMesh(arguments.x, "X", &warnings));
-  ISOMATCH_ASSIGN_OR_RETURN(inputs.mesh_y,
-                            LoadMesh(arguments.y, "Y", &warnings));
+  ISOMATCH_ASSIGN_OR_RETURN(
+      inputs.mesh_x, LoadMesh(arguments.x, "X", arguments.weld, &warnings));
+  ISOMATCH_ASSIGN_OR_RETURN(
+      inputs.mesh_y, LoadMesh(arguments.y, "Y", arguments.weld, &warnings));
   Warn(warnings, terminal);
   ISOMATCH_ASSIGN_OR_RETURN(
       inputs.places,
@@ -330,8 +332,14 @@ Command AddTransferCommand(CLI::App& app) {
   command
       ->add_option("--missing", arguments->missing,
                    "Label of vertices that have no place on Y")
+      ->type_name("LABEL")
       ->capture_default_str()
       ->needs(labels);
+  for (const char* name :
+       {"X", "Y", "MAP", "--output", "--labels", "--landmarks"}) {
+    command->get_option(name)->type_name(kFile);
+  }
+  AddWeldOption(command, &arguments->weld);
   command->add_flag("--json", arguments->json,
                     "Print JSON about what was carried instead of text");
   command->footer(kTransferFooter);

@@ -17,7 +17,9 @@
 #include "client/commands.h"
 #include "client/map_file.h"
 #include "client/mesh_file.h"
+#include "client/option_support.h"
 #include "client/part_files.h"
+#include "client/place_file.h"
 #include "client/text_file.h"
 #include "client/vertex_colors.h"
 #include "client/viewer/figures.h"
@@ -37,7 +39,8 @@ constexpr char kViewFooter[] = R"(
 The page is one HTML file that asks nothing of the network: both shapes in 3D
 with linked cameras. Y is coloured by place, and each vertex of X has the colour
 of its image, so that a good map looks the same on both sides and a mirrored or
-torn one does not. Other layers are the distortion, the confidence of
+torn one does not. With a --precise file the images lie between the vertices of
+Y, and the colours are not jagged. Other layers are the distortion, the confidence of
 `isomatch match --confidence` and the error against a ground truth; pointing at a
 vertex shows its partners.
 
@@ -68,6 +71,7 @@ struct ViewArguments {
   std::string truth;
   std::string report;
   std::string title;
+  std::string weld;
   bool file_colours = false;
   bool json = false;
 };
@@ -77,6 +81,10 @@ absl::Status CheckOutputs(const ViewArguments& arguments) {
     return absl::InvalidArgumentError(
         "nothing to write, expected --output PAGE.html or --png PICTURE.png");
   }
+  ISOMATCH_RETURN_IF_ERROR(
+      CheckExtension("--output", arguments.page, {".html", ".htm", ""}));
+  ISOMATCH_RETURN_IF_ERROR(
+      CheckExtension("--png", arguments.picture, {".png", ""}));
   for (const std::string& path : {arguments.page, arguments.picture}) {
     if (!path.empty()) ISOMATCH_RETURN_IF_ERROR(CheckOutputFile(path));
   }
@@ -138,10 +146,11 @@ void Say(const Terminal& terminal, const std::string& what) {
   }
 }
 
-absl::StatusOr<NamedMesh> LoadMesh(const std::string& path,
-                                   const std::string& field,
-                                   std::vector<std::string>& warnings) {
-  ISOMATCH_ASSIGN_OR_RETURN(LoadedMesh loaded, ReadMesh(path, field));
+absl::StatusOr<NamedMesh> LoadNamedMesh(const std::string& path,
+                                        const std::string& field,
+                                        const std::string& weld,
+                                        std::vector<std::string>& warnings) {
+  ISOMATCH_ASSIGN_OR_RETURN(LoadedMesh loaded, LoadMeshFile(path, field, weld));
   for (const std::string& warning : loaded.warnings) {
     warnings.push_back(absl::StrCat(field, ": ", warning));
   }
@@ -157,13 +166,16 @@ absl::Status AddError(const ViewArguments& arguments, const Terminal& terminal,
   Say(terminal, absl::StrCat("measuring geodesic errors of ",
                              pair.mesh_x.num_vertices(), " vertices"));
   const GeodesicErrorMeter meter(pair.mesh_y);
-  ISOMATCH_ASSIGN_OR_RETURN(
-      const GeodesicError error,
-      meter.Measure(pair.y_from_x, truth.direct, terminal.stop));
+  const auto measure = [&](const VertexMap& true_vertices) {
+    return pair.precise.empty()
+               ? meter.Measure(pair.y_from_x, true_vertices, terminal.stop)
+               : meter.Measure(pair.mesh_y.faces, pair.precise, true_vertices,
+                               terminal.stop);
+  };
+  ISOMATCH_ASSIGN_OR_RETURN(const GeodesicError error, measure(truth.direct));
   std::optional<GeodesicError> mirrored;
   if (!truth.mirrored.empty()) {
-    ISOMATCH_ASSIGN_OR_RETURN(
-        mirrored, meter.Measure(pair.y_from_x, truth.mirrored, terminal.stop));
+    ISOMATCH_ASSIGN_OR_RETURN(mirrored, measure(truth.mirrored));
   }
   view.layers.push_back(ErrorLayer(pair, error));
   view.figures.push_back(ErrorFigures(error, mirrored));
@@ -205,13 +217,17 @@ absl::StatusOr<PairView> Load(const ViewArguments& arguments,
                               const Terminal& terminal) {
   PairView view;
   std::vector<std::string> warnings;
-  ISOMATCH_ASSIGN_OR_RETURN(view.x, LoadMesh(arguments.x, "X", warnings));
-  ISOMATCH_ASSIGN_OR_RETURN(view.y, LoadMesh(arguments.y, "Y", warnings));
+  ISOMATCH_ASSIGN_OR_RETURN(
+      view.x, LoadNamedMesh(arguments.x, "X", arguments.weld, warnings));
+  ISOMATCH_ASSIGN_OR_RETURN(
+      view.y, LoadNamedMesh(arguments.y, "Y", arguments.weld, warnings));
   const TriangleMesh& mesh_x = view.x.mesh;
   const TriangleMesh& mesh_y = view.y.mesh;
   ISOMATCH_ASSIGN_OR_RETURN(
-      view.y_from_x,
-      ReadMap(arguments.map, mesh_y.num_vertices(), mesh_x.num_vertices()));
+      PlacesOnY places,
+      ReadPlaces(arguments.map, mesh_x.num_vertices(), mesh_y));
+  view.y_from_x = places.HeaviestVertices();
+  view.precise = std::move(places.on_faces);
   view.title = arguments.title.empty()
                    ? absl::StrCat(view.x.name, " \u2192 ", view.y.name)
                    : arguments.title;
@@ -228,7 +244,7 @@ absl::StatusOr<PairView> Load(const ViewArguments& arguments,
   if (!arguments.report.empty()) {
     ISOMATCH_RETURN_IF_ERROR(AddReport(arguments.report, view));
   }
-  const MappedPair pair = {mesh_x, mesh_y, view.y_from_x};
+  const MappedPair pair = {mesh_x, mesh_y, view.y_from_x, view.precise};
   view.layers.push_back(DistortionLayer(pair));
   if (!arguments.confidence.empty()) {
     ISOMATCH_ASSIGN_OR_RETURN(
@@ -307,28 +323,55 @@ absl::Status RunView(const ViewArguments& arguments, const Terminal& terminal) {
 }
 
 void AddAppearance(CLI::App& command, ViewArguments& arguments) {
-  command
-      .add_option("--layer", arguments.layer,
-                  "What colours mean, in a page at first")
-      ->check(CLI::IsMember({kColours, "confidence", "error", "distortion"}))
+  SetChoices(command.add_option("--layer", arguments.layer,
+                                "What colours mean, in a page at first"),
+             "LAYER", {kColours, "confidence", "error", "distortion"})
       ->capture_default_str();
-  command
-      .add_option("--pattern", arguments.pattern,
-                  "Drawn on Y by place and carried to X")
-      ->check(CLI::IsMember({"plain", "stripes", "checker"}))
+  SetChoices(command.add_option("--pattern", arguments.pattern,
+                                "Drawn on Y by place and carried to X"),
+             "PATTERN", {"plain", "stripes", "checker"})
       ->capture_default_str();
   command.add_flag("--file-colours", arguments.file_colours,
                    "In the picture: the vertex colours that the files of X and "
                    "Y have, e.g. after `isomatch transfer`");
-  command
-      .add_option("--up", arguments.up,
-                  "Axis of the files that points upwards: x, y or z; by "
-                  "default y, or z for shapes that are flattest along y")
-      ->check(CLI::IsMember({"x", "y", "z"}));
-  command.add_option("--size", arguments.size, "WIDTHxHEIGHT of the picture")
+  SetChoices(command.add_option("--up", arguments.up,
+                                "Axis of the files that points upwards; by "
+                                "default y, or z for shapes that are flattest "
+                                "along y"),
+             "AXIS", {"x", "y", "z"});
+  command.add_option("--size", arguments.size, "Of the picture, in pixels")
+      ->type_name("WIDTHxHEIGHT")
       ->capture_default_str();
-  command.add_option("--title", arguments.title,
-                     "Title of the page, by default the names of the meshes");
+  command
+      .add_option("--title", arguments.title,
+                  "Title of the page, by default the names of the meshes")
+      ->type_name("TEXT");
+  SetGroup(
+      &command, "Appearance",
+      {"--layer", "--pattern", "--file-colours", "--up", "--size", "--title"});
+}
+
+void AddFiles(CLI::App& command, ViewArguments& arguments) {
+  command.add_option("X", arguments.x, "Mesh that the map is of")->required();
+  command.add_option("Y", arguments.y, "Mesh that the map leads to")
+      ->required();
+  command
+      .add_option("MAP", arguments.map,
+                  "Map (.txt, .npy, .json), or --precise file")
+      ->required();
+  command.add_option("-o,--output", arguments.page, "Page to write, .html");
+  command.add_option("--png", arguments.picture, "Picture to write, .png");
+  SetGroup(&command, kFilesGroup, {"--output", "--png"});
+  command.add_option("--confidence", arguments.confidence,
+                     "Confidence as `match --confidence` writes it");
+  command.add_option("--truth", arguments.truth,
+                     "Ground truth, as `evaluate` reads it");
+  command.add_option("--report", arguments.report,
+                     "Report as `match --report` writes it");
+  for (const char* name : {"X", "Y", "MAP", "--output", "--png", "--confidence",
+                           "--truth", "--report"}) {
+    command.get_option(name)->type_name(kFile);
+  }
 }
 
 }  // namespace
@@ -337,22 +380,9 @@ Command AddViewCommand(CLI::App& app) {
   CLI::App* command = app.add_subcommand(
       "view", "Shows a map: as a page with both shapes in 3D, or a picture.");
   const auto arguments = std::make_shared<ViewArguments>();
-  command->add_option("X", arguments->x, "Mesh that the map is of")->required();
-  command->add_option("Y", arguments->y, "Mesh that the map leads to")
-      ->required();
-  command
-      ->add_option("MAP", arguments->map,
-                   "Map as `match` writes it: .txt, .npy or .json")
-      ->required();
-  command->add_option("-o,--output", arguments->page, "Page to write, HTML");
-  command->add_option("--png", arguments->picture, "Picture to write");
-  command->add_option("--confidence", arguments->confidence,
-                      "Confidence as `match --confidence` writes it");
-  command->add_option("--truth", arguments->truth,
-                      "Ground truth, as `evaluate` reads it");
-  command->add_option("--report", arguments->report,
-                      "Report as `match --report` writes it");
+  AddFiles(*command, *arguments);
   AddAppearance(*command, *arguments);
+  AddWeldOption(command, &arguments->weld);
   command->add_flag("--json", arguments->json,
                     "Print what was written, and the figures of the page, as "
                     "JSON");

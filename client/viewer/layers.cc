@@ -73,7 +73,9 @@ ScalarLayer DistortionLayer(const MappedPair& pair) {
       .low = -1,
       .high = 1,
       .palette = DistortionPalette(),
-      .on_x = LogAreaStretch(pair.mesh_x, pair.mesh_y, pair.y_from_x)};
+      .on_x = pair.precise.empty()
+                  ? LogAreaStretch(pair.mesh_x, pair.mesh_y, pair.y_from_x)
+                  : LogAreaStretch(pair.mesh_x, pair.mesh_y, pair.precise)};
   layer.on_y = CarryToY(layer.on_x, pair.y_from_x, pair.mesh_y);
   return layer;
 }

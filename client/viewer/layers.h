@@ -6,6 +6,7 @@
 #include "client/viewer/pair_view.h"
 #include "core/base/vertex_index.h"
 #include "core/evaluation/geodesic_error.h"
+#include "core/mesh/surface_point.h"
 #include "core/mesh/triangle_mesh.h"
 
 namespace isomatch {
@@ -15,6 +16,8 @@ struct MappedPair {
   const TriangleMesh& mesh_x;
   const TriangleMesh& mesh_y;
   absl::Span<const VertexIndex> y_from_x;
+  /// PairView::precise.
+  absl::Span<const SurfacePoint> precise = {};
 };
 
 /// `confidence` of each vertex of X, 0 to 1.

@@ -92,6 +92,24 @@ Json LayerJson(const ScalarLayer& layer) {
           {"y", Quantised(layer.on_y, range)}};
 }
 
+Json PreciseJson(const PairView& view) {
+  if (view.precise.empty()) return nullptr;
+  constexpr double kOne = 65535;
+  std::vector<std::int32_t> corners;
+  std::vector<std::uint16_t> weights;
+  for (const SurfacePoint& point : view.precise) {
+    for (int i = 0; i < 3; ++i) {
+      corners.push_back(point.face == kNoVertex
+                            ? kNoVertex
+                            : view.y.mesh.faces(point.face, i));
+      weights.push_back(
+          static_cast<std::uint16_t>(std::lround(kOne * point.weights[i])));
+    }
+  }
+  return {{"corners", Base64(absl::MakeConstSpan(corners))},
+          {"weights", Base64(absl::MakeConstSpan(weights))}};
+}
+
 Json FiguresJson(const std::vector<FigureTable>& figures) {
   Json tables = Json::array();
   for (const FigureTable& figure : figures) {
@@ -138,6 +156,7 @@ absl::StatusOr<std::string> FormatPageData(const PairView& view,
                      {"x", std::move(x)},
                      {"y", std::move(y)},
                      {"map", Base64(absl::MakeConstSpan(view.y_from_x))},
+                     {"precise", PreciseJson(view)},
                      {"colours", Base64(absl::MakeConstSpan(view.colours_y))},
                      {"layers", std::move(layers)}};
   // File names need not be UTF-8, and must not end the script element.

@@ -28,6 +28,8 @@ absl::string_view PageTemplate();
 ///   a coordinate), `order` ("id" or "decoded", see core/io/draco_mesh.h);
 /// - `rotation`, nine numbers row by row;
 /// - `map`: y_from_x as little-endian int32; `colours`: 3 bytes a vertex of Y;
+/// - `precise`, null unless the map is: `corners`, three int32 a vertex of X,
+///   and `weights`, three uint16, 65535 for 1;
 /// - `layers`: `id`, `label`, `description`, `low`, `high`, `palette` (256 x 3
 ///   bytes), `range` (two numbers), `x` and `y`: uint16 a vertex, 0 to 65534
 ///   for the range's ends, 65535 for no value.

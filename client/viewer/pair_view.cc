@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <limits>
 
 #include <Eigen/Geometry>
@@ -25,6 +26,20 @@ Eigen::RowVector3d Extents(const TriangleMesh& mesh) {
 /// The flatter of two axes.
 int Flatter(const Eigen::RowVector3d& extents, int first, int second) {
   return extents[first] <= extents[second] ? first : second;
+}
+
+/// The colour at a place between the vertices of a face.
+Rgb Mixed(const PairView& view, const SurfacePoint& point) {
+  Rgb mixed;
+  for (std::size_t channel = 0; channel < mixed.size(); ++channel) {
+    double sum = 0;
+    for (int i = 0; i < 3; ++i) {
+      const VertexIndex y = view.y.mesh.faces(point.face, i);
+      sum += point.weights[i] * view.colours_y[y][channel];
+    }
+    mixed[channel] = static_cast<std::uint8_t>(std::lround(sum));
+  }
+  return mixed;
 }
 
 /// The mean over the vertices that go to each vertex of Y.
@@ -94,8 +109,15 @@ std::vector<Rgb> ColoursOfX(const PairView& view) {
   if (view.colours_x) return *view.colours_x;
   std::vector<Rgb> colours;
   colours.reserve(view.y_from_x.size());
-  for (const VertexIndex y : view.y_from_x) {
-    colours.push_back(y == kNoVertex ? kGrey : view.colours_y[y]);
+  for (std::size_t x = 0; x < view.y_from_x.size(); ++x) {
+    const VertexIndex y = view.y_from_x[x];
+    if (y == kNoVertex) {
+      colours.push_back(kGrey);
+    } else if (view.precise.empty()) {
+      colours.push_back(view.colours_y[y]);
+    } else {
+      colours.push_back(Mixed(view, view.precise[x]));
+    }
   }
   return colours;
 }

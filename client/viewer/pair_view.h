@@ -11,6 +11,7 @@
 #include "absl/types/span.h"
 #include "client/viewer/colours.h"
 #include "core/base/vertex_index.h"
+#include "core/mesh/surface_point.h"
 #include "core/mesh/triangle_mesh.h"
 
 namespace isomatch {
@@ -47,6 +48,9 @@ struct PairView {
   NamedMesh x;
   NamedMesh y;
   VertexMap y_from_x;
+  /// Where on the faces of Y the vertices of X go, when that is known: one for
+  /// each, whose heaviest vertices are y_from_x. Empty otherwise.
+  std::vector<SurfacePoint> precise = {};
   std::vector<Rgb> colours_y;
   /// X's own, in pictures; not set: each vertex has the colour of its image.
   std::optional<std::vector<Rgb>> colours_x;

@@ -84,7 +84,11 @@ Positions PlacesOfX(const PairView& view, const Positions& places_y) {
   Positions places = Positions::Zero(view.x.mesh.num_vertices(), 3);
   for (Eigen::Index x = 0; x < places.rows(); ++x) {
     const VertexIndex y = view.y_from_x[x];
-    if (y != kNoVertex) places.row(x) = places_y.row(y);
+    if (y == kNoVertex) continue;
+    places.row(x) =
+        view.precise.empty()
+            ? places_y.row(y).eval()
+            : Interpolated(places_y, view.y.mesh.faces, view.precise[x]);
   }
   return places;
 }

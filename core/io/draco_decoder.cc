@@ -15,6 +15,7 @@
 #include "core/base/status_macros.h"
 #include "core/io/draco_declarations.h"
 #include "core/io/draco_mesh.h"
+#include "core/io/face_order.h"
 #include "draco/attributes/point_attribute.h"
 #include "draco/compression/mesh/mesh_edgebreaker_decoder.h"
 #include "draco/compression/mesh/mesh_sequential_decoder.h"
@@ -298,38 +299,6 @@ Faces ReadFaces(const draco::Mesh& mesh) {
   return faces;
 }
 
-using Face = std::array<VertexIndex, 3>;
-
-// The face from the corner on that makes its vertices smallest as a sequence.
-Face Turned(VertexIndex a, VertexIndex b, VertexIndex c) {
-  return std::min({Face{a, b, c}, Face{b, c, a}, Face{c, a, b}});
-}
-
-// Turned and in lexicographic order: encoders may change both, and the method
-// sums over faces in their order. Every entry is below `end`. Time
-// O(m + end) where vertices have few faces.
-void SortFaces(VertexIndex end, Faces& faces) {
-  std::vector<std::uint32_t> place(static_cast<std::size_t>(end) + 1, 0);
-  for (Eigen::Index f = 0; f < faces.rows(); ++f) {
-    ++place[faces.row(f).minCoeff() + 1];
-  }
-  std::partial_sum(place.begin(), place.end(), place.begin());
-  std::vector<Face> sorted(faces.rows());
-  for (Eigen::Index f = 0; f < faces.rows(); ++f) {
-    const Face face = Turned(faces(f, 0), faces(f, 1), faces(f, 2));
-    sorted[place[face[0]]++] = face;
-  }
-  // By their first vertex they are; few have the same one.
-  for (auto begin = sorted.begin(); begin != sorted.end();) {
-    const auto next = sorted.begin() + place[begin->front()];
-    std::sort(begin, next);
-    begin = next;
-  }
-  for (Eigen::Index f = 0; f < faces.rows(); ++f) {
-    faces.row(f) << sorted[f][0], sorted[f][1], sorted[f][2];
-  }
-}
-
 absl::StatusOr<TriangleMesh> InDecodedOrder(const draco::Mesh& mesh,
                                             std::int64_t vertex_count) {
   if (vertex_count != 0 && vertex_count != mesh.num_points()) {
@@ -387,6 +356,13 @@ absl::StatusOr<TriangleMesh> DecodeUnguarded(absl::string_view bytes,
   return result;
 }
 
+using Face = std::array<VertexIndex, 3>;
+
+// The face from the corner on that makes its vertices smallest as a sequence.
+Face Turned(VertexIndex a, VertexIndex b, VertexIndex c) {
+  return std::min({Face{a, b, c}, Face{b, c, a}, Face{c, a, b}});
+}
+
 }  // namespace
 
 bool RenumbersVertices(absl::string_view bytes) {
@@ -395,6 +371,28 @@ bool RenumbersVertices(absl::string_view bytes) {
   draco::DracoHeader header;
   return ReadHeader(buffer, &header).ok() &&
          header.encoder_method == draco::MESH_EDGEBREAKER_ENCODING;
+}
+
+void SortFaces(VertexIndex end, Faces& faces) {
+  std::vector<std::uint32_t> place(static_cast<std::size_t>(end) + 1, 0);
+  for (Eigen::Index f = 0; f < faces.rows(); ++f) {
+    ++place[faces.row(f).minCoeff() + 1];
+  }
+  std::partial_sum(place.begin(), place.end(), place.begin());
+  std::vector<Face> sorted(faces.rows());
+  for (Eigen::Index f = 0; f < faces.rows(); ++f) {
+    const Face face = Turned(faces(f, 0), faces(f, 1), faces(f, 2));
+    sorted[place[face[0]]++] = face;
+  }
+  // By their first vertex they are; few have the same one.
+  for (auto begin = sorted.begin(); begin != sorted.end();) {
+    const auto next = sorted.begin() + place[begin->front()];
+    std::sort(begin, next);
+    begin = next;
+  }
+  for (Eigen::Index f = 0; f < faces.rows(); ++f) {
+    faces.row(f) << sorted[f][0], sorted[f][1], sorted[f][2];
+  }
 }
 
 absl::StatusOr<TriangleMesh> DecodeDraco(absl::string_view bytes,

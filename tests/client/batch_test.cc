@@ -157,7 +157,8 @@ TEST_F(BatchTest, ALostServerEndsTheBatch) {
   const CommandOutcome outcome =
       RunIsomatch({"batch", list, "-o", out_, "--server", "127.0.0.1:1"});
   EXPECT_EQ(outcome.status, kExitFailure);
-  EXPECT_THAT(outcome.err, HasSubstr("--server 127.0.0.1:1: no answer"));
+  EXPECT_THAT(outcome.err,
+              HasSubstr("--server 127.0.0.1:1: nobody listens there"));
   Restart(TestConfig());
 }
 
@@ -258,6 +259,37 @@ TEST_F(BatchTest, TruthIsMeasuredAlsoForPairsThatAreKept) {
   EXPECT_EQ(matches_, 1);
 }
 
+TEST_F(BatchTest, PartsAreWrittenOnDemandAndKeptWithThePair) {
+  on_found_ = FindEverything;
+  const std::vector<std::string> with_parts = {list_, "--json", "--precise",
+                                               "--confidence"};
+  ASSERT_EQ(Batch({list_}).status, kExitSuccess);
+  EXPECT_FALSE(fs::exists(Out("a__b.precise.txt")));
+  EXPECT_THAT(States(Batch(with_parts)), ElementsAre("done", "done"));
+  const std::string places = *ReadFile(Out("a__b.precise.txt"), "places");
+  EXPECT_EQ(std::count(places.begin(), places.end(), '\n'), 42);
+  EXPECT_TRUE(fs::exists(Out("a__c.confidence.txt")));
+  EXPECT_THAT(States(Batch(with_parts)), ElementsAre("kept", "kept"));
+  ASSERT_THAT(WriteFileAtomically(Out("a__b.precise.txt"), "0\n"), IsOk());
+  EXPECT_THAT(States(Batch(with_parts)), ElementsAre("done", "kept"));
+  // Without them a pair that has them is done, too.
+  EXPECT_THAT(States(Batch({list_, "--json"})), ElementsAre("kept", "kept"));
+}
+
+TEST_F(BatchTest, PathsMayHaveBlanks) {
+  ASSERT_THAT(WriteMesh(folder_.Path("my scan #2.off"), Tetrahedron()), IsOk());
+  ASSERT_THAT(WriteMesh(folder_.Path("my cat.off"), Tetrahedron()), IsOk());
+  const std::string list =
+      folder_.Write("spaces.txt",
+                    "a \"my scan #2.off\"  # quoted\nmy cat.off\tb.off\t\r\n"
+                    "\"my cat\"\tc.ply\n");
+  const CommandOutcome outcome = Batch({list});
+  ASSERT_EQ(outcome.status, kExitSuccess) << outcome.err;
+  EXPECT_TRUE(fs::exists(Out("a__my scan #2.txt")));
+  EXPECT_TRUE(fs::exists(Out("my cat__b.txt")));
+  EXPECT_TRUE(fs::exists(Out("my cat__c.txt")));
+}
+
 TEST_F(BatchTest, WrongListsAreNamedByLine) {
   const auto expect_error = [&](const std::vector<std::string>& arguments,
                                 const std::string& why) {
@@ -268,6 +300,8 @@ TEST_F(BatchTest, WrongListsAreNamedByLine) {
   };
   expect_error({folder_.Write("l", "a b\na\n")}, "line 2: expected X Y");
   expect_error({folder_.Write("l", "a none\n")}, "line 1: there is no");
+  expect_error({folder_.Write("l", "a b\n\"a b\n")},
+               "line 2: expected a second \"");
   expect_error({folder_.Write("l", "a b\na.off b.off\n")},
                "line 2: two pairs are named 'a__b'");
   expect_error({folder_.Write("l", "# none\n")}, "found none");

@@ -1,6 +1,8 @@
 #include "client/command_line.h"
 
+#include <algorithm>
 #include <csignal>
+#include <sstream>
 #include <string>
 #include <vector>
 
@@ -8,9 +10,12 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "client/map_file.h"
+#include "client/mesh_file.h"
 #include "client/text_file.h"
+#include "core/evaluation/geodesic_error.h"
 #include "tests/client/run_isomatch.h"
 #include "tests/server/child_process.h"
 #include "tests/support/matchers.h"
@@ -68,11 +73,172 @@ TEST_F(CommandLineTest, HelpAndVersionSucceed) {
   }
 }
 
+TEST_F(CommandLineTest, HelpSaysWhatItsOptionSays) {
+  const CommandOutcome help = Run({"help", "match"});
+  EXPECT_EQ(help.status, kExitSuccess);
+  EXPECT_EQ(Run({"help", "sample"}).out, Run({"sample", "--help"}).out);
+  EXPECT_THAT(
+      help.out,
+      AllOf(HasSubstr("--landmarks FILE"), HasSubstr("--random-seed SEED"),
+            HasSubstr("--memory-limit BYTES"), HasSubstr("Files to write:"),
+            HasSubstr("Server:")));
+  EXPECT_THAT(help.out, Not(HasSubstr("TEXT")));
+  EXPECT_THAT(help.out, Not(HasSubstr("UINT")));
+  EXPECT_EQ(Run({"help"}).out, Run({"--help"}).out);
+}
+
+TEST_F(CommandLineTest, MistypedWordsAreRecognised) {
+  ExpectUsageError({"mtach", "x", "y"},
+                   "isomatch: there is no command 'mtach', did you mean "
+                   "'match'?");
+  ExpectUsageError({"insp"}, "did you mean 'inspect'?");
+  ExpectUsageError({"help", "veiw"}, "did you mean 'view'?");
+  ExpectUsageError({"frobnicate"}, "there is no command 'frobnicate'\n");
+  ExpectUsageError({"match", "x", "y", "--ouput", "m.txt"},
+                   "isomatch match: there is no option '--ouput', did you mean "
+                   "'--output'?");
+  // The first of them, in the order given, also where something is missing.
+  ExpectUsageError({"match", "--theads=2", "--proifle", "paper"},
+                   "there is no option '--theads', did you mean '--threads'?");
+  ExpectUsageError({"evaluate", "y", "m", "t", "more"},
+                   "isomatch evaluate: 'more' is one file or word too many");
+  ExpectUsageError({"match", "x"}, "isomatch match: Y is required");
+}
+
+TEST_F(CommandLineTest, NumbersWithoutASignAreRefusedWithOne) {
+  for (const char* option :
+       {"--random-seed", "--threads", "--solved-vertices", "--memory-limit"}) {
+    ExpectUsageError({"match", "x", "y", option, "-1"},
+                     absl::StrCat(option, ": '-1', expected "));
+  }
+  ExpectUsageError({"match", "x", "y", "--random-seed", "1.5"}, "random-seed");
+  ExpectUsageError({"sample", "--mesh-seed", "-1", "-o", "a.off"}, "'-1'");
+  ExpectUsageError({"batch", "l", "-o", "f", "--parallel", "-1"}, "'-1'");
+}
+
+TEST_F(CommandLineTest, OutputsThatWouldHoldSomethingElseAreRefused) {
+  const auto refused = [&](const std::vector<std::string>& arguments,
+                           const std::string& why) {
+    // Before anything is read: the meshes are not there.
+    ExpectUsageError(arguments, why);
+  };
+  refused({"match", "x", "y", "-o", "m.stl"},
+          "--output 'm.stl': the extension is '.stl', expected .txt or .npy or "
+          ".json or .ply, or no extension");
+  refused({"match", "x", "y", "-o", "m.OBJ"}, "the extension is '.obj'");
+  refused({"match", "x", "y", "--report", "r.txt"}, "--report 'r.txt'");
+  refused({"match", "x", "y", "--precise", "p.npy"}, "--precise 'p.npy'");
+  refused({"match", "x", "y", "--confidence", "c.json"}, "--confidence");
+  refused({"match", "x", "y", "--functional-map", "f.npy"}, "expected .json");
+  refused({"match", "x", "y", "--alternative", "a.jpg"}, "--alternative");
+  refused({"view", "x", "y", "m", "--png", "a.jpg"},
+          "--png 'a.jpg': the extension is '.jpg', expected .png");
+  refused({"view", "x", "y", "m", "-o", "a.pdf"}, "expected .html");
+  refused({"transfer", "x", "y", "m", "-o", "a.stl"}, ".obj or .ply");
+  refused(
+      {"sample", "-o", "a.off", "--truth", "t.npy", "--truth-from", "A:300"},
+      "--truth 't.npy'");
+}
+
+TEST_F(CommandLineTest, ExtensionsMayBeInCapitals) {
+  const std::string mesh = folder_.Path("a.OFF");
+  EXPECT_EQ(Run({"sample", "--vertices", "300", "-o", mesh}).status,
+            kExitSuccess);
+  const std::string textured = folder_.Path("b.OBJ");
+  EXPECT_EQ(Run({"sample", "--vertices", "300", "--texture", "checker", "-o",
+                 textured})
+                .status,
+            kExitSuccess);
+  EXPECT_THAT(*ReadFile(textured, "a mesh"), HasSubstr("mtllib"));
+  const std::string map = folder_.Path("m.NPY");
+  ASSERT_EQ(Run({"match", mesh, textured, "-o", map, "--no-progress"}).status,
+            kExitSuccess);
+  EXPECT_THAT(*ReadFile(map, "a map"), HasSubstr("NUMPY"));
+}
+
+// On a terminal; elsewhere the numbers, as ever.
+TEST_F(CommandLineTest, APersonGetsASummaryInsteadOfTheNumbers) {
+  MakePair(300, 300);
+  const auto run = [&](const std::vector<std::string>& more) {
+    std::vector<const char*> argv = {"isomatch", "match", a_.c_str(),
+                                     b_.c_str(), "--no-progress"};
+    for (const std::string& word : more) argv.push_back(word.c_str());
+    std::ostringstream out;
+    std::ostringstream err;
+    const Terminal terminal{out, err, false, {}, true};
+    EXPECT_EQ(
+        RunCommandLine(static_cast<int>(argv.size()), argv.data(), terminal),
+        kExitSuccess)
+        << err.str();
+    return out.str();
+  };
+  EXPECT_THAT(run({}),
+              AllOf(HasSubstr("300 of 300 vertices of X have a place on Y"),
+                    HasSubstr("-o map.txt writes it, -o - prints it")));
+  const std::string numbers = run({"-o", "-"});
+  EXPECT_EQ(std::count(numbers.begin(), numbers.end(), '\n'), 300);
+  EXPECT_EQ(Run({"match", a_, b_, "--no-progress"}).out, numbers);
+  EXPECT_EQ(run({"-o", map_}), "");
+}
+
+TEST_F(CommandLineTest, MoreThreadsThanThereAreSayNothing) {
+  MakePair(300, 300);
+  testing::internal::CaptureStderr();  // of libraries
+  const CommandOutcome outcome =
+      Run({"match", a_, b_, "-o", map_, "--no-progress", "--threads", "1000"});
+  EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
+  EXPECT_EQ(outcome.status, kExitSuccess) << outcome.err;
+  EXPECT_THAT(outcome.err, Not(HasSubstr("threads")));
+  ExpectUsageError({"match", a_, b_, "--threads", "1025"},
+                   "expected a whole number from 0 to 1024");
+}
+
+TEST_F(CommandLineTest, ASoupIsWeldedOnDemand) {
+  MakePair(300, 300);
+  // Every face of A for itself, its corners off by up to 1e-6.
+  const TriangleMesh mesh = ReadMesh(a_, "X")->mesh;
+  TriangleMesh soup = {Positions(3 * mesh.num_faces(), 3),
+                       Faces(mesh.num_faces(), 3)};
+  for (VertexIndex f = 0; f < mesh.num_faces(); ++f) {
+    for (int i = 0; i < 3; ++i) {
+      const VertexIndex v = 3 * f + i;
+      soup.faces(f, i) = v;
+      soup.positions.row(v) =
+          mesh.positions.row(mesh.faces(f, i)) +
+          1e-6 * Eigen::RowVector3d(v % 7 / 7.0, v % 5 / 5.0, v % 3 / 3.0);
+    }
+  }
+  const std::string path = folder_.Path("soup.off");
+  ASSERT_THAT(WriteMesh(path, soup), IsOk());
+  const CommandOutcome told = Run({"inspect", path});
+  EXPECT_THAT(told.out, HasSubstr("probably a triangle soup; try --weld "));
+  const std::size_t advice = told.out.find("try --weld ") + 11;
+  const std::string tolerance =
+      told.out.substr(advice, told.out.find_first_of(" \n", advice) - advice);
+  ASSERT_EQ(Run({"match", a_, b_, "-o", map_, "--no-progress"}).status,
+            kExitSuccess);
+  const VertexMap expected = *ReadMap(map_, 300);
+  const CommandOutcome welded = Run(
+      {"match", path, b_, "-o", map_, "--no-progress", "--weld", tolerance});
+  ASSERT_EQ(welded.status, kExitSuccess) << welded.err;
+  EXPECT_THAT(welded.err, HasSubstr("vertices were moved to others within"));
+  EXPECT_THAT(welded.err, Not(HasSubstr("components")));
+  const VertexMap found = *ReadMap(map_, 300, soup.num_vertices());
+  EXPECT_THAT(found, testing::Each(testing::Ge(0)));
+  // What they are matched to is what A's own vertices are.
+  const GeodesicErrorMeter meter(ReadMesh(b_, "Y")->mesh);
+  VertexMap of_corners;
+  for (const VertexIndex v : mesh.faces.reshaped<Eigen::RowMajor>()) {
+    of_corners.push_back(expected[static_cast<std::size_t>(v)]);
+  }
+  EXPECT_LT(meter.Measure(found, of_corners)->mean_over_diameter, 0.05);
+}
+
 TEST_F(CommandLineTest, WrongUsageExitsWith2) {
   MakePair(300, 300);
   const std::string missing = folder_.Path("none.off");
   const std::string landmarks = folder_.Write("lm.txt", "0 1\n0 300\n");
-  ExpectUsageError({}, "subcommand");
+  ExpectUsageError({}, "isomatch: expected a command");
   ExpectUsageError({"match", a_}, "Y");
   ExpectUsageError({"match", a_, b_, "--profile", "fast"}, "profile");
   ExpectUsageError({"match", a_, b_, "--threads", "many"}, "threads");
@@ -81,14 +247,18 @@ TEST_F(CommandLineTest, WrongUsageExitsWith2) {
   // The server knows the range.
   ExpectUsageError(
       {"match", a_, b_, "--no-progress", "--solved-vertices", "499"},
-      "options.solved_vertices: 499, expected 0 or 500 to");
+      "--solved-vertices: 499, expected 0 or 500 to");
   ExpectUsageError({"match", a_, b_, "--no-progress", "--memory-limit", "2MB"},
-                   "options.memory_limit_bytes: 2000000, expected at least");
+                   "--memory-limit: 2 MB, expected at least");
   ExpectUsageError({"match", a_, b_, "--memory-limit", "much"}, "memory-limit");
-  for (const char* address : {"", "host", "host:", ":1", "host:65536"}) {
+  for (const char* address : {"", "host", "host:", ":1", "host:65536",
+                              "http://host:1", "host/path:1"}) {
     ExpectUsageError({"match", a_, b_, "--server", address}, "HOST:PORT");
   }
-  ExpectUsageError({"match", a_, b_, "-o", map_, "--report", map_},
+  ExpectUsageError({"match", a_, b_, "--server", "https://host:443"},
+                   "expected HOST:PORT without https://");
+  const std::string both = folder_.Path("both.json");
+  ExpectUsageError({"match", a_, b_, "-o", both, "--report", both},
                    "is the file of --output too");
   ExpectUsageError({"match", a_, b_, "--json"}, "expected -o FILE");
   ExpectUsageError({"match", missing, b_}, "X: '" + missing);
@@ -112,7 +282,10 @@ TEST_F(CommandLineTest, UnreachableServerExitsWith1AndWritesNothing) {
   const CommandOutcome outcome =
       Run({"match", a_, b_, "-o", map_, "--server", "127.0.0.1:1"});
   EXPECT_EQ(outcome.status, kExitFailure);
-  EXPECT_THAT(outcome.err, HasSubstr("--server 127.0.0.1:1: no answer"));
+  EXPECT_THAT(
+      outcome.err,
+      HasSubstr("--server 127.0.0.1:1: nobody listens there (connection "
+                "refused); start isomatch-server, or name another"));
   EXPECT_LT(absl::Now() - begin, absl::Seconds(5));
   EXPECT_EQ(folder_.CountFiles(), 3);
 }

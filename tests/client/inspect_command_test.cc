@@ -69,8 +69,8 @@ TEST_F(InspectCommandTest, AServerThatDoesNotAnswerIsNamed) {
   const CommandOutcome outcome = RunIsomatch(
       {"inspect", sphere_, "--server", "unix:" + folder_.Path("none.sock")});
   EXPECT_EQ(outcome.status, kExitFailure);
-  EXPECT_THAT(outcome.err,
-              AllOf(HasSubstr("--server unix:"), HasSubstr("no answer")));
+  EXPECT_THAT(outcome.err, AllOf(HasSubstr("--server unix:"),
+                                 HasSubstr("there is no such socket")));
 }
 
 TEST_F(InspectCommandTest, HelpHasExamples) {

@@ -39,6 +39,13 @@ TEST(ShellTextsTest, BashCompletesCommandsOptionsAndFiles) {
   EXPECT_EQ(complete("watch --prof"), "\n");
   EXPECT_EQ(complete("match mes"), "mesh.off\n");
   EXPECT_EQ(complete("completion z"), "zsh\n");
+  EXPECT_EQ(complete("help ma"), "match man\n");
+  EXPECT_EQ(complete("match --profile p"), "paper\n");
+  EXPECT_EQ(complete("view --layer d"), "distortion\n");
+  EXPECT_EQ(complete("list --state r"), "running\n");
+  EXPECT_EQ(complete("match --random-seed m"), "\n");
+  EXPECT_EQ(complete("match --landmarks m"), "mesh.off\n");
+  EXPECT_EQ(complete("batch --truth m"), "\n");
 }
 
 TEST(ShellTextsTest, ZshAndFishNameEveryCommandAndOption) {
@@ -50,7 +57,10 @@ TEST(ShellTextsTest, ZshAndFishNameEveryCommandAndOption) {
   EXPECT_THAT(fish, AllOf(HasSubstr("__fish_use_subcommand -f -a evaluate"),
                           HasSubstr("-l output -s o -r"),
                           // A flag takes no value.
-                          Not(HasSubstr("-l no-progress -r"))));
+                          Not(HasSubstr("-l no-progress -r")),
+                          HasSubstr("-l profile -x -a 'default paper'")));
+  EXPECT_THAT(zsh, AllOf(HasSubstr(":value:(default paper)"),
+                         HasSubstr(":folder:_files -/")));
 }
 
 TEST(ShellTextsTest, AnUnknownShellIsWrongUsage) {
@@ -66,7 +76,7 @@ TEST(ShellTextsTest, TheManualPageHasEveryCommand) {
         "upload", "info", "evaluate", "sample", "completion"}) {
     EXPECT_THAT(page, HasSubstr(absl::StrCat(".SS isomatch ", command)));
   }
-  EXPECT_THAT(page, AllOf(HasSubstr(".B \\-\\-output, \\-o VALUE"),
+  EXPECT_THAT(page, AllOf(HasSubstr(".B \\-\\-output, \\-o FILE"),
                           HasSubstr("ISOMATCH_SERVER")));
   // No line of text is taken for a request of roff.
   EXPECT_THAT(page, Not(HasSubstr("\n'")));

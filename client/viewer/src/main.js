@@ -34,10 +34,10 @@ function placesOfY({positions}) {
 }
 
 /** X's vertices take the places of their images. */
-function placesOfX(yFromX, placesY) {
+function placesOfX({yFromX, places: onY}, placesY) {
   const places = new Float32Array(3 * yFromX.length);
   yFromX.forEach((y, x) => {
-    if (y >= 0) places.set(placesY.subarray(3 * y, 3 * y + 3), 3 * x);
+    if (y >= 0) places.set(onY.of(placesY, x), 3 * x);
   });
   return places;
 }
@@ -48,7 +48,7 @@ class Viewer {
     const placesY = placesOfY(pair.meshes.y);
     const ratio = Math.min(2, globalThis.devicePixelRatio);
     this.surfaces = {
-      x: new Surface(pair.meshes.x, pair.rotation, placesOfX(pair.yFromX, placesY), ratio),
+      x: new Surface(pair.meshes.x, pair.rotation, placesOfX(pair, placesY), ratio),
       y: new Surface(pair.meshes.y, pair.rotation, placesY, ratio),
     };
     this.stage = new Stage(byId('canvas'), {x: byId('pane-x'), y: byId('pane-y')},
@@ -89,10 +89,9 @@ class Viewer {
   }
 
   paintMap() {
-    const {colours, yFromX} = this.pair;
-    const ofY = (y) => y < 0 ? null : colours.subarray(3 * y, 3 * y + 3);
-    this.surfaces.x.paint((x) => ofY(yFromX[x]));
-    this.surfaces.y.paint(ofY);
+    const {colours, yFromX, places} = this.pair;
+    this.surfaces.x.paint((x) => yFromX[x] < 0 ? null : places.of(colours, x));
+    this.surfaces.y.paint((y) => colours.subarray(3 * y, 3 * y + 3));
   }
 
   paintLayer(layer) {
@@ -116,7 +115,11 @@ class Viewer {
       marks = {x: xsOf(vertex), y: [vertex]};
     }
     this.surfaces.x.markPoints(marks.x);
-    this.surfaces.y.markPoints(marks.y);
+    // What X goes to may lie between vertices.
+    const {positions} = this.pair.meshes.y;
+    this.surfaces.y.markPlaces(side === 'x' && marks.y.length > 0 ?
+        this.pair.places.of(positions, vertex) :
+        marks.y.flatMap((y) => [...positions.subarray(3 * y, 3 * y + 3)]));
     this.showNumbers(marks);
     byId('found').textContent = vertex < 0 ? 'Point at a vertex, or type its number.' :
         side === 'x' ? this.textOfX(vertex) : this.textOfY(vertex, marks.x);
@@ -137,7 +140,10 @@ class Viewer {
     const values = this.pair.layers.map((layer) => [layer, layer.of('x', x)])
         .filter(([, value]) => value !== null)
         .map(([layer, value]) => ` \u00b7 ${layer.id} ${short(value, layer)}`);
-    return `X ${x} \u2192 ${y < 0 ? 'no vertex of Y' : `Y ${y}`}${values.join('')}`;
+    const around = y < 0 ? [] : this.pair.places.around?.(x) ?? [];
+    const image = around.length < 2 ? `Y ${y}` : `between Y ${around
+        .map((corner) => `${corner.y} (${corner.weight.toFixed(2)})`).join(', ')}`;
+    return `X ${x} \u2192 ${y < 0 ? 'no vertex of Y' : image}${values.join('')}`;
   }
 
   textOfY(y, xs) {

@@ -91,6 +91,27 @@ function layerOf(layer) {
   };
 }
 
+/**
+ * Where X's vertices lie on Y: `of(values, x)` is what the three numbers that
+ * each vertex of Y has in `values` are there.
+ */
+function placesOf(yFromX, precise) {
+  if (!precise) {
+    return {of: (values, x) => values.subarray(3 * yFromX[x], 3 * yFromX[x] + 3)};
+  }
+  const corners = new Int32Array(bytesOf(precise.corners).buffer);
+  const weights = new Uint16Array(bytesOf(precise.weights).buffer);
+  const corner = (x, i) => ({y: corners[3 * x + i], weight: weights[3 * x + i] / 65535});
+  return {
+    of: (values, x) => [0, 1, 2].map((axis) => [0, 1, 2].reduce((sum, i) => {
+      const {y, weight} = corner(x, i);
+      return sum + weight * values[3 * y + axis];
+    }, 0)),
+    /** The vertices of Y around it, with their weights. */
+    around: (x) => [0, 1, 2].map((i) => corner(x, i)).filter(({weight}) => weight > 0),
+  };
+}
+
 /** Reads the page's data. `wasm` is Draco's decoder. */
 export async function readPair(json, wasm) {
   const draco = await globalThis.DracoDecoderModule({wasmBinary: wasm});
@@ -99,6 +120,7 @@ export async function readPair(json, wasm) {
                   y: {...json.y, ...decodeMesh(draco, json.y)}};
   return {
     ...json, meshes, yFromX,
+    places: placesOf(yFromX, json.precise),
     xsOf: invert(yFromX, json.y.vertices),
     colours: bytesOf(json.colours),
     layers: json.layers.map(layerOf),

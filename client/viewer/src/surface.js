@@ -137,8 +137,14 @@ export class Surface {
     const places = new Float32Array(3 * vertices.length);
     vertices.forEach((v, i) =>
         places.set(this.positions.subarray(3 * v, 3 * v + 3), 3 * i));
-    this.markGeometry.setAttribute('position', new BufferAttribute(places, 3));
-    this.markGeometry.setDrawRange(0, vertices.length);
+    this.markPlaces(places);
+  }
+
+  /** Marks these places, three numbers each, and no others. */
+  markPlaces(places) {
+    this.markGeometry.setAttribute('position',
+        new BufferAttribute(Float32Array.from(places), 3));
+    this.markGeometry.setDrawRange(0, places.length / 3);
   }
 
   /** The vertex next to where the ray meets the surface; -1 for none. */

@@ -91,6 +91,16 @@ TEST(PairViewTest, VerticesOfXHaveTheColoursOfTheirImages) {
               ElementsAre(Rgb{4, 5, 6}, kGrey, Rgb{1, 2, 3}, Rgb{4, 5, 6}));
 }
 
+TEST(PairViewTest, ColoursAreMixedWhereImagesLieBetweenVertices) {
+  PairView view;
+  view.colours_y = {{0, 0, 0}, {100, 200, 40}, {100, 0, 40}};
+  view.y.mesh.faces.resize(1, 3);
+  view.y.mesh.faces << 0, 1, 2;
+  view.precise = {{0, {0.5, 0.25, 0.25}}, SurfacePoint{}};
+  view.y_from_x = {0, kNoVertex};
+  EXPECT_THAT(ColoursOfX(view), ElementsAre(Rgb{50, 50, 20}, kGrey));
+}
+
 TEST(PairViewTest, LayersAreColouredByTheirScale) {
   ScalarLayer layer = {.id = "error", .low = 2, .high = 4};
   for (int i = 0; i < 256; ++i) {

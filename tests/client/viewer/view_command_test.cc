@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include "absl/strings/str_format.h"
 #include "client/map_file.h"
 #include "client/mesh_file.h"
 #include "client/text_file.h"
@@ -93,6 +94,46 @@ TEST_F(ViewCommandTest, ShowsConfidenceErrorAndReport) {
   }
 }
 
+TEST_F(ViewCommandTest, APreciseMapIsShownAndMeasuredWhereItIs) {
+  const TriangleMesh mesh = BumpySphere(1);
+  std::string places;
+  std::string truth;
+  for (VertexIndex v = 0; v < mesh.num_vertices(); ++v) {
+    places += "0 0.5 0.5 0\n";
+    truth += std::to_string(mesh.faces(0, 0)) + "\n";
+  }
+  map_ = folder_.Write("places.txt", places);
+  const std::string gt = folder_.Write("gt.txt", truth);
+  const CommandOutcome outcome =
+      View({"-o", page_, "--png", png_, "--truth", gt, "--json"});
+  ASSERT_EQ(outcome.status, kExitSuccess) << outcome.err;
+  const auto json = nlohmann::json::parse(outcome.out);
+  const CommandOutcome evaluated =
+      RunIsomatch({"evaluate", y_, map_, gt, "--json"});
+  ASSERT_EQ(evaluated.status, kExitSuccess) << evaluated.err;
+  const auto errors = nlohmann::json::parse(evaluated.out);
+  EXPECT_TRUE(errors["precise"].get<bool>());
+  // Half an edge, not none or the whole.
+  const double edge = (mesh.positions.row(mesh.faces(0, 0)) -
+                       mesh.positions.row(mesh.faces(0, 1)))
+                          .norm();
+  EXPECT_NEAR(errors["direct"]["mean_over_diameter"].get<double>() *
+                  errors["diameter"].get<double>(),
+              edge / 2, 1e-6);
+  EXPECT_EQ(json["figures"]["Error against the truth"]["mean / diameter of Y"],
+            absl::StrFormat(
+                "%.5f", errors["direct"]["mean_over_diameter"].get<double>()));
+  EXPECT_THAT(ReadFile(page_, "a page").value(),
+              HasSubstr(R"("precise":{"corners":")"));
+}
+
+TEST_F(ViewCommandTest, EvaluateSaysWhichLineOfAPreciseFileIsWrong) {
+  const CommandOutcome outcome = RunIsomatch(
+      {"evaluate", y_, folder_.Write("p.txt", "0 1 0 0\n99999 1 0 0\n"), map_});
+  EXPECT_EQ(outcome.status, kExitUsage);
+  EXPECT_THAT(outcome.err, HasSubstr("line 2: FACE is 99999"));
+}
+
 TEST_F(ViewCommandTest, TellsWhatItWroteAsJson) {
   const CommandOutcome outcome =
       View({"-o", page_, "--truth", map_, "--layer", "error", "--json"});
@@ -150,7 +191,8 @@ TEST_F(ViewCommandTest, WrongUsageNamesTheOption) {
                    "--file-colours: is for --png alone");
 
   ExpectUsageError({}, "expected --output PAGE.html or --png PICTURE.png");
-  ExpectUsageError({"-o", page_, "--png", page_}, "is the file of --output");
+  const std::string both = folder_.Path("both");
+  ExpectUsageError({"-o", both, "--png", both}, "is the file of --output");
   ExpectUsageError({"-o", folder_.Path("no/page.html")}, "there is no folder");
   ExpectUsageError({"-o", page_, "--layer", "colour"}, "--layer");
   ExpectUsageError({"-o", page_, "--layer", "error"}, "needs --truth FILE");

@@ -28,7 +28,7 @@ function makePage() {
   run('sample', '--pose', 'B', '--vertices', '2000', '-o', file('b.off'),
       '--truth-from', 'A:3000', '--truth', file('truth.txt'));
   run('match', file('a.off'), file('b.off'), '-o', file('map.txt'), '--report', file('report.json'),
-      '--confidence', file('confidence.txt'), '--no-progress');
+      '--confidence', file('confidence.txt'), '--precise', file('places.txt'), '--no-progress');
   // One vertex without an image.
   const map = readFileSync(file('map.txt'), 'utf8').trim().split('\n').map(Number);
   map[7] = -1;
@@ -272,6 +272,29 @@ const checks = {
   },
 };
 
+/** A map of places between vertices: colours and marks follow them. */
+async function openPrecise(page) {
+  execFileSync(isomatch, ['view', file('a.off'), file('b.off'), file('places.txt'), '-o',
+    file('precise.html')], {stdio: ['ignore', 'ignore', 'inherit']});
+  await page.send('Page.navigate', {url: pathToFileURL(file('precise.html')).href});
+  await page.until("document.body?.dataset.ready === 'true' && document.title.includes('a.off')");
+  await page.drawn();
+  const {colours} = drawing(await page.pixels(await shapeBox(page, 'x')));
+  assert.ok(colours > 1000, `X has ${colours} colours`);
+  const places = readFileSync(file('places.txt'), 'utf8').trim().split('\n')
+      .map((line) => line.split(' ').map(Number));
+  const between = places.findIndex(([, ...weights]) => weights.every((weight) => weight > 0.1));
+  await page.evaluate(`{ const input = document.getElementById('vertex-x');
+    input.value = ${between}; input.dispatchEvent(new Event('input')); }`);
+  const text = await found(page);
+  const match = /^X (\d+) \u2192 between Y ((?:\d+ \(0\.\d\d\)(?:, )?){3})/.exec(text);
+  assert.ok(match, text);
+  const weights = [...match[2].matchAll(/\((0\.\d\d)\)/g)].map(([, weight]) => Number(weight));
+  assert.deepEqual(weights.sort(),
+      places[between].slice(1).map((weight) => Number(weight.toFixed(2))).sort());
+  assert.deepEqual(page.problems, []);
+}
+
 const LARGE = 60000;
 
 /** Draws a page of two large shapes, mapped by their truth; prints how long it took. */
@@ -314,7 +337,11 @@ async function main() {
     await page.until("document.body?.dataset.ready === 'true'");
     await page.drawn();
     writeFileSync(file('page.png'), Buffer.from(await page.screenshot(), 'base64'));
-    const all = {...checks, 'a large page opens': ({page}) => openLarge(page)};
+    const all = {
+      ...checks,
+      'a precise map is shown where it is': ({page}) => openPrecise(page),
+      'a large page opens': ({page}) => openLarge(page),
+    };
     for (const [name, check] of Object.entries(all)) {
       await check({page, map, address}).then(() => console.log(`ok: ${name}`), (error) => {
         ++failed;
