@@ -1,0 +1,124 @@
+// Whatever bytes a file has, the readers of the command line end in a status or
+// in something that fits its mesh, and welding leaves that mesh valid. The
+// first byte chooses the kind of file, the rest is its content.
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <string>
+
+#include <unistd.h>
+
+#include "client/map_file.h"
+#include "client/mesh_file.h"
+#include "client/mesh_weld.h"
+#include "client/named_vertices.h"
+#include "client/obj_file.h"
+#include "client/place_file.h"
+#include "client/vertex_colors.h"
+#include "tests/fuzz/check.h"
+
+namespace isomatch {
+namespace {
+
+constexpr std::array kNames = {"m.off",   "m.obj",     "m.ply",    "m.stl",
+                               "map.txt", "map.npy",   "map.json", "places.txt",
+                               "lm.txt",  "truth.txt", "names.txt"};
+constexpr std::size_t kMeshNames = 4;
+
+/// A folder in memory where there is one; its files are written again and
+/// again.
+const std::string& Folder() {
+  static const std::string folder = [] {
+    const std::filesystem::path root =
+        std::filesystem::exists("/dev/shm")
+            ? "/dev/shm"
+            : std::filesystem::temp_directory_path();
+    const auto made = root / ("isomatch_fuzz_" + std::to_string(getpid()));
+    std::filesystem::create_directories(made);
+    std::atexit([] { std::filesystem::remove_all(Folder()); });
+    return made.string();
+  }();
+  return folder;
+}
+
+TriangleMesh Tetrahedron() {
+  TriangleMesh mesh = {Positions(4, 3), Faces(4, 3)};
+  mesh.positions << 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1;
+  mesh.faces << 0, 2, 1, 0, 1, 3, 1, 2, 3, 0, 3, 2;
+  return mesh;
+}
+
+void CheckMesh(const TriangleMesh& mesh) {
+  ISOMATCH_CHECK(ValidateMesh(mesh, "mesh").ok());
+  static_cast<void>(AdviseWeld(mesh));
+  TriangleMesh welded = mesh;
+  if (WeldVertices({0.001, true}, &welded).ok()) {
+    ISOMATCH_CHECK(ValidateMesh(welded, "welded").ok());
+    ISOMATCH_CHECK(welded.num_vertices() == mesh.num_vertices());
+  }
+}
+
+void ReadMeshFile(const std::string& path) {
+  const absl::StatusOr<LoadedMesh> loaded = ReadMesh(path, "X");
+  ISOMATCH_CHECK(loaded.ok() || !loaded.status().message().empty());
+  if (!loaded.ok()) return;
+  CheckMesh(loaded->mesh);
+  const auto colors = ReadVertexColors(path, loaded->mesh.num_vertices());
+  if (colors.ok() && *colors) {
+    ISOMATCH_CHECK((*colors)->rows() == loaded->mesh.num_vertices());
+  }
+  const auto texture = ReadObjTexture(path, loaded->mesh);
+  if (texture.ok() && *texture) {
+    ISOMATCH_CHECK((*texture)->corners.rows() == loaded->mesh.num_faces());
+    ISOMATCH_CHECK((*texture)->corners.maxCoeff() < (*texture)->places.rows());
+  }
+}
+
+void CheckMap(const absl::StatusOr<VertexMap>& map) {
+  if (!map.ok()) return;
+  ISOMATCH_CHECK(map->size() == 4);
+  for (const VertexIndex y : *map) ISOMATCH_CHECK(-1 <= y && y < 4);
+}
+
+void ReadOther(const std::string& name, const std::string& path) {
+  const TriangleMesh y = Tetrahedron();
+  if (name.starts_with("map")) {
+    CheckMap(ReadMap(path, 4, 4));
+    static_cast<void>(ReadLabels(path, 4));
+  } else if (name == "places.txt") {
+    const absl::StatusOr<PlacesOnY> places = ReadPlaces(path, 4, y);
+    ISOMATCH_CHECK(!places.ok() || places->points.size() == 4);
+  } else if (name == "lm.txt") {
+    const auto landmarks = ReadLandmarks(path, 4, 4);
+    ISOMATCH_CHECK(!landmarks.ok() || landmarks->size() <= 4);
+  } else if (name == "truth.txt") {
+    const auto truth = ReadGroundTruth(path, 4, 4);
+    ISOMATCH_CHECK(!truth.ok() || truth->direct.size() == 4);
+  } else {
+    static_cast<void>(ReadNamedVertices(path, y));
+  }
+}
+
+}  // namespace
+}  // namespace isomatch
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data,
+                                      std::size_t size) {
+  using namespace isomatch;
+  if (size == 0) return 0;
+  const std::size_t kind = data[0] % kNames.size();
+  const std::string path = Folder() + "/" + kNames[kind];
+  std::ofstream(path, std::ios::binary)
+      .write(reinterpret_cast<const char*>(data) + 1,
+             static_cast<std::streamsize>(size - 1));
+  if (kind < kMeshNames) {
+    ReadMeshFile(path);
+  } else {
+    ReadOther(kNames[kind], path);
+  }
+  return 0;
+}
