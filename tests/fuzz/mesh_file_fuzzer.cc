@@ -32,7 +32,8 @@ constexpr std::size_t kMeshNames = 4;
 /// A folder in memory where there is one; its files are written again and
 /// again.
 const std::string& Folder() {
-  static const std::string folder = [] {
+  // Not destroyed: it is removed at the very end.
+  static const std::string* const folder = [] {
     const std::filesystem::path root =
         std::filesystem::exists("/dev/shm")
             ? "/dev/shm"
@@ -40,9 +41,9 @@ const std::string& Folder() {
     const auto made = root / ("isomatch_fuzz_" + std::to_string(getpid()));
     std::filesystem::create_directories(made);
     std::atexit([] { std::filesystem::remove_all(Folder()); });
-    return made.string();
+    return new std::string(made.string());
   }();
-  return folder;
+  return *folder;
 }
 
 TriangleMesh Tetrahedron() {
