@@ -99,8 +99,8 @@ std::string SummaryLine(const std::vector<BatchRow>& rows) {
                       rows.size(), count(BatchState::kDone),
                       count(BatchState::kKept), count(BatchState::kFailed));
   for (const char* const level : {"doubtful", "bad"}) {
-    const auto judged = std::count_if(
-        rows.begin(), rows.end(), [level](const BatchRow& row) {
+    const auto judged =
+        std::count_if(rows.begin(), rows.end(), [level](const BatchRow& row) {
           return HasMap(row) && row.verdict == level;
         });
     if (judged > 0) absl::StrAppend(&line, ", ", judged, " ", level);

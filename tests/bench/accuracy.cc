@@ -70,9 +70,8 @@ void PrintVerdicts(const std::vector<PairResult>& results) {
     std::printf("  %-22s %6d %9d %4d\n", name, counts[0], counts[1], counts[2]);
   };
   print("error up to .03", [](double error) { return error <= kRight; });
-  print("error .03 to .1", [](double error) {
-    return error > kRight && error <= kFailed;
-  });
+  print("error .03 to .1",
+        [](double error) { return error > kRight && error <= kFailed; });
   print("error above .1", [](double error) { return error > kFailed; });
 }
 
@@ -134,8 +133,8 @@ absl::Status RunAccuracy(const PairSelection& pairs,
       "diameter of Y\n",
       ProfileName(options.profile),
       static_cast<unsigned long long>(options.random_seed));
-  std::printf("%-24s %-24s %7s %7s %8s %8s  %-8s %7s  %s  %s  %s  %s\n", "X", "Y",
-              "n_X", "n_Y", "direct", "best", "truth", "seconds", "orient",
+  std::printf("%-24s %-24s %7s %7s %8s %8s  %-8s %7s  %s  %s  %s  %s\n", "X",
+              "Y", "n_X", "n_Y", "direct", "best", "truth", "seconds", "orient",
               "Eq. 8", "symmetry", "verdict");
   ISOMATCH_ASSIGN_OR_RETURN(const std::vector<PairResult> results,
                             RunPairs(pairs, options, PrintPair));
