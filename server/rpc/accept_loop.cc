@@ -136,15 +136,15 @@ bool AcceptLoop::RefuseOne(int listener) {
 }
 
 void AcceptLoop::Admit(Descriptor socket, const sockaddr_storage& peer) {
-  using Verdict = ConnectionTable::Verdict;
+  using Admission = ConnectionTable::Admission;
   const auto now = Refusals::Clock::now();
-  const Verdict verdict = [&] {
+  const Admission admission = [&] {
     const MutexLock lock(mutex_);
     return table_.Admit(socket.get(), OriginOf(peer), now);
   }();
-  if (verdict == Verdict::kAdmitted) return hand_over_(socket.Release());
-  refusals_.Add(verdict == Verdict::kTooMany ? Refusal::kTooMany
-                                             : Refusal::kTooManyOfOrigin,
+  if (admission == Admission::kAdmitted) return hand_over_(socket.Release());
+  refusals_.Add(admission == Admission::kTooMany ? Refusal::kTooMany
+                                                 : Refusal::kTooManyOfOrigin,
                 now);
 }
 

@@ -47,23 +47,23 @@ std::string OriginOf(const sockaddr_storage& peer) {
   return "";
 }
 
-ConnectionTable::Verdict ConnectionTable::Admit(int socket,
-                                                const std::string& origin,
-                                                Clock::time_point now) {
+ConnectionTable::Admission ConnectionTable::Admit(int socket,
+                                                  const std::string& origin,
+                                                  Clock::time_point now) {
   // Its number was another's before, which therefore has ended.
   if (const auto same = connections_.find(socket); same != connections_.end()) {
     Remove(same);
   }
-  Verdict verdict = Judge(origin);
-  if (verdict != Verdict::kAdmitted && last_sweep_ < now - kSweepPause) {
+  Admission admission = Judge(origin);
+  if (admission != Admission::kAdmitted && last_sweep_ < now - kSweepPause) {
     last_sweep_ = now;
     Sweep();
-    verdict = Judge(origin);
+    admission = Judge(origin);
   }
-  if (verdict != Verdict::kAdmitted) return verdict;
+  if (admission != Admission::kAdmitted) return admission;
   connections_[socket] = {InodeOf(socket), origin};
   if (!origin.empty()) ++of_origin_[origin];
-  return verdict;
+  return admission;
 }
 
 int ConnectionTable::CountOpen() {
@@ -71,16 +71,17 @@ int ConnectionTable::CountOpen() {
   return static_cast<int>(connections_.size());
 }
 
-ConnectionTable::Verdict ConnectionTable::Judge(
+ConnectionTable::Admission ConnectionTable::Judge(
     const std::string& origin) const {
   if (std::cmp_greater_equal(connections_.size(), limits_.most)) {
-    return Verdict::kTooMany;
+    return Admission::kTooMany;
   }
-  if (origin.empty() || limits_.of_one_address == 0) return Verdict::kAdmitted;
+  if (origin.empty() || limits_.of_one_address == 0)
+    return Admission::kAdmitted;
   const auto count = of_origin_.find(origin);
   return count == of_origin_.end() || count->second < limits_.of_one_address
-             ? Verdict::kAdmitted
-             : Verdict::kTooManyOfOrigin;
+             ? Admission::kAdmitted
+             : Admission::kTooManyOfOrigin;
 }
 
 void ConnectionTable::Sweep() {

@@ -24,7 +24,7 @@ class ConnectionTable {
  public:
   explicit ConnectionTable(const ConnectionLimits& limits) : limits_(limits) {}
 
-  enum class Verdict {
+  enum class Admission {
     kAdmitted,  ///< counted from now on
     kTooMany,   ///< there are limits.most
     kTooManyOfOrigin,
@@ -34,7 +34,7 @@ class ConnectionTable {
 
   /// Time: constant, and O(open connections) at most 50 times a second; so a
   /// connection that ended within the last 20 ms may still count.
-  Verdict Admit(int socket, const std::string& origin, Clock::time_point now);
+  Admission Admit(int socket, const std::string& origin, Clock::time_point now);
 
   /// Open connections. Time: O(open connections).
   int CountOpen();
@@ -46,7 +46,7 @@ class ConnectionTable {
   };
   using Connections = std::unordered_map<int, Connection>;
 
-  Verdict Judge(const std::string& origin) const;
+  Admission Judge(const std::string& origin) const;
   void Sweep();
   Connections::iterator Remove(Connections::iterator connection);
 

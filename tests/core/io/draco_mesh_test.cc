@@ -232,8 +232,8 @@ TEST(DracoMeshTest, EdgebreakerRenumbersAndSequentialDoesNot) {
       DecodeDraco(sequential->bytes, VertexOrder::kDecoded, 0);
   ASSERT_THAT(in_draco_order, IsOk());
   ASSERT_THAT(in_our_order, IsOk());
-  EXPECT_NE(in_draco_order->positions, RoundedToFloat(mesh).positions);
-  EXPECT_EQ(in_our_order->positions, RoundedToFloat(apart).positions);
+  EXPECT_NE(in_draco_order->positions, AsEncoded(mesh).positions);
+  EXPECT_EQ(in_our_order->positions, AsEncoded(apart).positions);
 }
 
 TEST(DracoMeshTest, WhatIsNoDracoRenumbersNothing) {

@@ -14,7 +14,7 @@
 namespace isomatch {
 namespace {
 
-using Verdict = ConnectionTable::Verdict;
+using Admission = ConnectionTable::Admission;
 
 Descriptor NewSocket() {
   return Descriptor(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
@@ -56,7 +56,7 @@ TEST(OriginOfTest, IsTheAddressOrTheNetworkOfIpv6) {
 class ConnectionTableTest : public testing::Test {
  protected:
   // Each later than a pause between two looks at all connections.
-  Verdict Admit(const Descriptor& socket, const std::string& origin) {
+  Admission Admit(const Descriptor& socket, const std::string& origin) {
     now_ += std::chrono::seconds(1);
     return table_.Admit(socket.get(), origin, now_);
   }
@@ -69,13 +69,13 @@ TEST_F(ConnectionTableTest, MoreThanTheMostAreRefused) {
   std::vector<Descriptor> sockets;
   for (int i = 0; i < 4; ++i) {
     sockets.push_back(NewSocket());
-    EXPECT_EQ(Admit(sockets.back(), ""), Verdict::kAdmitted);
+    EXPECT_EQ(Admit(sockets.back(), ""), Admission::kAdmitted);
   }
   EXPECT_EQ(table_.CountOpen(), 4);
   const Descriptor another = NewSocket();
-  EXPECT_EQ(Admit(another, ""), Verdict::kTooMany);
+  EXPECT_EQ(Admit(another, ""), Admission::kTooMany);
   sockets[1].Close();
-  EXPECT_EQ(Admit(another, ""), Verdict::kAdmitted);
+  EXPECT_EQ(Admit(another, ""), Admission::kAdmitted);
   EXPECT_EQ(table_.CountOpen(), 4);
 }
 
@@ -83,26 +83,26 @@ TEST_F(ConnectionTableTest, OneAddressDoesNotTakeTheConnectionsOfOthers) {
   const Descriptor one = NewSocket();
   Descriptor two = NewSocket();
   const Descriptor three = NewSocket();
-  EXPECT_EQ(Admit(one, "a"), Verdict::kAdmitted);
-  EXPECT_EQ(Admit(two, "a"), Verdict::kAdmitted);
-  EXPECT_EQ(Admit(three, "a"), Verdict::kTooManyOfOrigin);
-  EXPECT_EQ(Admit(three, "b"), Verdict::kAdmitted);
+  EXPECT_EQ(Admit(one, "a"), Admission::kAdmitted);
+  EXPECT_EQ(Admit(two, "a"), Admission::kAdmitted);
+  EXPECT_EQ(Admit(three, "a"), Admission::kTooManyOfOrigin);
+  EXPECT_EQ(Admit(three, "b"), Admission::kAdmitted);
   two.Close();
   const Descriptor four = NewSocket();
-  EXPECT_EQ(Admit(four, "a"), Verdict::kAdmitted);
+  EXPECT_EQ(Admit(four, "a"), Admission::kAdmitted);
 }
 
 // gRPC closes a socket, and a store opens a file, which gets its number.
 TEST_F(ConnectionTableTest, ANumberThatIsAnotherFileNowIsNoConnection) {
   Descriptor socket = NewSocket();
-  EXPECT_EQ(Admit(socket, "a"), Verdict::kAdmitted);
+  EXPECT_EQ(Admit(socket, "a"), Admission::kAdmitted);
   const int number = socket.get();
   const Descriptor file(open("/dev/null", O_RDONLY | O_CLOEXEC));
   ASSERT_EQ(dup2(file.get(), number), number);
   EXPECT_EQ(table_.CountOpen(), 0);
   const Descriptor other = NewSocket();
   ASSERT_EQ(dup2(other.get(), number), number);
-  EXPECT_EQ(Admit(socket, "b"), Verdict::kAdmitted);
+  EXPECT_EQ(Admit(socket, "b"), Admission::kAdmitted);
   EXPECT_EQ(table_.CountOpen(), 1);
 }
 
@@ -110,7 +110,7 @@ TEST_F(ConnectionTableTest, ANumberThatIsAnotherFileNowIsNoConnection) {
 TEST_F(ConnectionTableTest, ConnectionsThatEndedAreNotCountedTwice) {
   for (int i = 0; i < 20; ++i) {
     const Descriptor socket = NewSocket();
-    EXPECT_EQ(Admit(socket, "a"), Verdict::kAdmitted);
+    EXPECT_EQ(Admit(socket, "a"), Admission::kAdmitted);
   }
   EXPECT_EQ(table_.CountOpen(), 0);
 }
@@ -119,14 +119,14 @@ TEST_F(ConnectionTableTest, AFloodOfRefusedOnesDoesNotMakeItLookAtAllEachTime) {
   Descriptor one = NewSocket();
   const Descriptor two = NewSocket();
   const Descriptor three = NewSocket();
-  EXPECT_EQ(Admit(one, "a"), Verdict::kAdmitted);
-  EXPECT_EQ(Admit(two, "a"), Verdict::kAdmitted);
-  EXPECT_EQ(Admit(three, "a"), Verdict::kTooManyOfOrigin);
+  EXPECT_EQ(Admit(one, "a"), Admission::kAdmitted);
+  EXPECT_EQ(Admit(two, "a"), Admission::kAdmitted);
+  EXPECT_EQ(Admit(three, "a"), Admission::kTooManyOfOrigin);
   one.Close();
   now_ += std::chrono::milliseconds(19);
-  EXPECT_EQ(table_.Admit(three.get(), "a", now_), Verdict::kTooManyOfOrigin);
+  EXPECT_EQ(table_.Admit(three.get(), "a", now_), Admission::kTooManyOfOrigin);
   now_ += std::chrono::milliseconds(2);
-  EXPECT_EQ(table_.Admit(three.get(), "a", now_), Verdict::kAdmitted);
+  EXPECT_EQ(table_.Admit(three.get(), "a", now_), Admission::kAdmitted);
 }
 
 }  // namespace
