@@ -185,9 +185,11 @@ absl::Status UseSoup(const PolygonSoup& soup, const std::string& subject,
   for (std::string& warning : Warnings(soup, extension)) {
     loaded->warnings.push_back(std::move(warning));
   }
-  ISOMATCH_RETURN_IF_ERROR(ValidateMesh(loaded->mesh, subject));
-  const absl::Status status = CheckSinglePrecision(loaded->mesh.positions);
-  return status.ok() ? status : WithSubject(subject, status);
+  if (const absl::Status status = CheckSinglePrecision(loaded->mesh.positions);
+      !status.ok()) {
+    return WithSubject(subject, status);
+  }
+  return ValidateMesh(loaded->mesh, subject);
 }
 
 std::string FormatOff(const TriangleMesh& mesh) {

@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cassert>
+#include <cmath>
 #include <cstddef>
 #include <exception>
 #include <memory>
@@ -56,25 +57,30 @@ int AddAttribute(draco::GeometryAttribute::Type type, draco::DataType data_type,
                            mesh.num_points());
 }
 
-// The middle of the box around the vertices on faces.
-Eigen::RowVector3d MiddleOf(const TriangleMesh& mesh) {
+// What is subtracted from a mesh that lies far from the origin, for its extent:
+// a multiple of the power of two from 8 to 16 times that, so nothing for
+// others.
+Eigen::RowVector3d FarOriginOf(const TriangleMesh& mesh) {
   Eigen::RowVector3d low = mesh.positions.row(mesh.faces(0, 0));
   Eigen::RowVector3d high = low;
   for (const VertexIndex corner : mesh.faces.reshaped()) {
     low = low.cwiseMin(mesh.positions.row(corner));
     high = high.cwiseMax(mesh.positions.row(corner));
   }
-  return 0.5 * (low + high);
+  const double extent = (high - low).maxCoeff();
+  if (!(extent > 0)) return Eigen::RowVector3d::Zero();
+  const double step = std::ldexp(1.0, std::ilogb(extent) + 4);
+  return ((0.5 * (low + high) / step).array() + 0.5).floor() * step;
 }
 
 int AddPositions(const TriangleMesh& from, draco::Mesh& mesh) {
   const Positions& positions = from.positions;
-  const Eigen::RowVector3d middle = MiddleOf(from);
+  const Eigen::RowVector3d origin = FarOriginOf(from);
   const int id = AddAttribute(draco::GeometryAttribute::POSITION,
                               draco::DT_FLOAT32, 3, mesh);
   for (Eigen::Index v = 0; v < positions.rows(); ++v) {
     const Eigen::RowVector3f position =
-        (positions.row(v) - middle).cast<float>();
+        (positions.row(v) - origin).cast<float>();
     mesh.attribute(id)->SetAttributeValue(
         draco::AttributeValueIndex(static_cast<std::uint32_t>(v)),
         position.data());

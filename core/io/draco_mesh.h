@@ -70,9 +70,10 @@ struct DracoOptions {
 /// Returns `mesh` compressed: edgebreaker with a vertex_id attribute when every
 /// vertex is on a face, else sequential, which keeps order and isolated
 /// vertices. Decoding gives every vertex its index back in either case.
-/// Coordinates are those from the middle of the mesh's bounding box, rounded to
-/// single precision: matching does not depend on where a mesh lies, and far
-/// from the origin, as georeferenced meshes are, little would be left of them.
+/// Coordinates are rounded to single precision. Of a mesh that lies farther from
+/// the origin than some times its extent, as georeferenced ones do, little would
+/// be left: its coordinates are those from a point near it (a multiple of a
+/// power of two). Matching does not depend on where a mesh lies.
 /// REQUIRES: ValidateMesh(mesh). INTERNAL when Draco refuses.
 absl::StatusOr<EncodedMesh> EncodeDraco(const TriangleMesh& mesh,
                                         const DracoOptions& options = {});

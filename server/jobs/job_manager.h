@@ -340,7 +340,7 @@ class JobManager {
   void WatchMemory();
   void OnNoAnswer(const std::string& id);
   absl::StatusOr<JobRecord> RecordNoAnswer(const std::string& id);
-  void ReplaceWorker();
+  void ReplaceWorker(const std::string& tenant);
   void WriteTrace();
   void GiveUp(const std::string& reason);
   MemoryFigures ReadMemory() const;

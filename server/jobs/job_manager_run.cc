@@ -236,9 +236,12 @@ void JobManager::ReleaseSlot(const std::shared_ptr<LiveJob>& live) {
   live->Release();  // before the slot, so that the next job finds the memory
   const bool was_stuck = runs_.End(live->id);
   MutexLock lock(mutex_);
-  if (was_stuck) --stuck_;  // it has come back after all
   live_.erase(live->id);
-  queue_.OnEnded(live->tenant);
+  if (was_stuck) {
+    --stuck_;  // it has come back after all
+  } else {
+    queue_.OnEnded(live->tenant);
+  }
   --running_;
   idle_.NotifyAll();
 }

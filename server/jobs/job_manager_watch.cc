@@ -100,10 +100,17 @@ bool JobManager::HasFreedMemory(const std::string& id) {
 }
 
 void JobManager::OnNoAnswer(const std::string& id) {
+  std::string tenant;
+  {
+    MutexLock lock(mutex_);
+    const auto live = live_.find(id);
+    if (live == live_.end()) return;
+    tenant = live->second->tenant;
+  }
   if (!runs_.SetStuck(id)) return;
   const auto record = RecordNoAnswer(id);
   if (record.ok() && parts_.on_stuck) parts_.on_stuck(*record);
-  ReplaceWorker();
+  ReplaceWorker(tenant);
 }
 
 absl::StatusOr<JobRecord> JobManager::RecordNoAnswer(const std::string& id) {
@@ -134,12 +141,13 @@ absl::StatusOr<JobRecord> JobManager::RecordNoAnswer(const std::string& id) {
   });
 }
 
-void JobManager::ReplaceWorker() {
+void JobManager::ReplaceWorker(const std::string& tenant) {
   bool needs_thread = false;
   bool are_all_stuck = false;
   {
     MutexLock lock(mutex_);
     ++stuck_;
+    queue_.OnEnded(tenant);  // its other jobs need not wait for this one
     idle_.NotifyAll();
     if (draining_) return;
     are_all_stuck = limits_.durable && parts_.on_give_up != nullptr &&

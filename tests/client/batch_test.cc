@@ -323,7 +323,20 @@ TEST(BatchTableTest, CsvQuotesWhatNeedsIt) {
   row.state = BatchState::kFailed;
   row.message = "say \"no\"";
   EXPECT_THAT(FormatBatchCsv({row}),
-              HasSubstr("\n\"a,b\",c,failed,,,,,,,,,,,\"say \"\"no\"\"\"\n"));
+              HasSubstr("\n\"a,b\",c,failed,,,,,,,,,,,,\"say \"\"no\"\"\"\n"));
+}
+
+TEST(BatchTableTest, MapsThatAreNotGoodAreCounted) {
+  BatchRow row;
+  row.state = BatchState::kDone;
+  row.verdict = "bad";
+  EXPECT_THAT(FormatBatchCsv({row}), HasSubstr(",bad,\n"));
+  EXPECT_THAT(FormatBatchJson({row}), HasSubstr("\"verdict\":\"bad\""));
+  EXPECT_THAT(
+      FormatBatchTable({row, row}),
+      HasSubstr("2 pairs: 2 done, 0 kept from before, 0 failed, 2 bad"));
+  row.state = BatchState::kFailed;
+  EXPECT_THAT(FormatBatchTable({row}), testing::Not(HasSubstr(" bad")));
 }
 
 }  // namespace

@@ -2,6 +2,7 @@
 // server is stopped or killed now and then. One client: after each operation
 // server and model must agree.
 
+#include <algorithm>
 #include <array>
 #include <csignal>
 #include <limits>
@@ -40,6 +41,14 @@ struct Tenant {
   /// Of jobs that were deleted.
   std::vector<std::string> free_request_ids = {};
 };
+
+/// SHA-256 of the meshes of a request.
+std::set<std::string> MeshesOf(const v1::CreateJobRequest& request) {
+  const auto of = [](const v1::Mesh& mesh) {
+    return mesh.has_digest() ? mesh.digest().sha256() : Sha256Hex(mesh.draco());
+  };
+  return {of(request.mesh_x()), of(request.mesh_y())};
+}
 
 class ModelTest : public testing::Test {
  protected:
@@ -330,7 +339,16 @@ void ModelTest::Delete(Tenant& tenant, const ModelJob& job) {
   if (!job.request.request_id().empty()) {
     tenant.free_request_ids.push_back(job.request.request_id());
   }
+  const std::set<std::string> meshes = MeshesOf(job.request);
   tenant.model.Remove(name);
+  // Those that no other job names go with it.
+  for (const std::string& mesh : meshes) {
+    const bool is_named =
+        std::ranges::any_of(tenant.model.jobs(), [&](const auto& numbered) {
+          return MeshesOf(numbered.second.request).count(mesh) > 0;
+        });
+    if (!is_named) tenant.model.meshes.erase(mesh);
+  }
   const auto found = GetJob(stub(), name, tenant.key);
   Expect(ReasonOf(found.status()) == "JOB_NOT_FOUND", name + " is deleted");
 }

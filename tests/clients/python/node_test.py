@@ -83,7 +83,7 @@ class NodeTest(unittest.TestCase):
         x, y = support.pair()
         vertices, faces = isomatch.read_mesh(x)
         maps = []
-        for name, place in (("here", [0, 0, 0]), ("far", [500000, 4500000, 120])):
+        for name, place in (("here", [0, 0, 0]), ("far", [524288, 4194304, 1024])):
             # Both sums are exact.
             moved = np.round(vertices * 1024) / 1024 + place
             path = support.write_ascii_stl(support.folder() / f"{name}.stl", moved, faces)

@@ -238,7 +238,7 @@ TEST_F(DurabilityTest, JobsWaitForAFullDiskAlsoAcrossARestart) {
   for (const std::string& name : {running, queued}) {
     EXPECT_EQ(Watch(name).back().state(), v1::Job::STATE_SUCCEEDED);
   }
-  server_.reset();  // before its disk
+  Restart(TestConfig());  // before its disk goes
 }
 
 TEST_F(DurabilityTest, AResultWhoseFileIsGoneIsLost) {
