@@ -1,20 +1,40 @@
 #include "server/jobs/tenant_turns.h"
 
+#include <algorithm>
 #include <new>
 #include <utility>
 
 namespace isomatch {
 
 bool TenantTurns::Post(const std::string& tenant, std::function<void()> task) {
+  std::uint64_t number = 0;
   {
     MutexLock lock(mutex_);
     Tenant& own = tenants_[tenant];
     const auto waiting = static_cast<int>(own.waiting.size());
     if (waiting >= limits_.max_waiting_per_tenant) return false;
-    own.waiting.push_back(std::move(task));
+    number = ++last_number_;
+    own.waiting.push_back({number, std::move(task)});
   }
   // One that finds nothing to run leaves it to the one that runs the tenant's.
-  executor_->Post([this] { Run(); });
+  try {
+    executor_->Post([this] { Run(); });
+  } catch (const std::bad_alloc&) {
+    if (Remove(tenant, number)) throw;  // else another has taken it
+  }
+  return true;
+}
+
+bool TenantTurns::Remove(const std::string& tenant, std::uint64_t number) {
+  std::function<void()> removed;  // freed after the lock
+  MutexLock lock(mutex_);
+  std::deque<Task>& waiting = tenants_.find(tenant)->second.waiting;
+  const auto found =
+      std::find_if(waiting.begin(), waiting.end(),
+                   [&](const Task& task) { return task.number == number; });
+  if (found == waiting.end()) return false;
+  removed = std::move(found->run);
+  waiting.erase(found);
   return true;
 }
 
@@ -30,7 +50,7 @@ bool TenantTurns::RunOne() {
     MutexLock lock(mutex_);
     tenant = NextTenant();
     if (tenant == nullptr) return false;
-    task = std::move(tenant->waiting.front());
+    task = std::move(tenant->waiting.front().run);
     tenant->waiting.pop_front();
     tenant->last_served = ++last_served_;
     ++tenant->running;

@@ -32,17 +32,24 @@ class TenantTurns {
   TenantTurns(const Limits& limits, Executor* executor)
       : limits_(limits), executor_(executor) {}
 
-  /// Takes a task; false when too many of the tenant wait.
+  /// Takes a task; false when too many of the tenant wait. Ends with
+  /// std::bad_alloc when there is no memory for it: then it never runs.
   bool Post(const std::string& tenant, std::function<void()> task);
 
  private:
+  struct Task {
+    std::uint64_t number;
+    std::function<void()> run;
+  };
   struct Tenant {
-    std::deque<std::function<void()>> waiting;
+    std::deque<Task> waiting;
     int running = 0;
     /// Number of its last start among all; 0 for none.
     std::uint64_t last_served = 0;
   };
 
+  /// Removes a task that waits; false when it does not any more.
+  bool Remove(const std::string& tenant, std::uint64_t number);
   /// Runs tasks until none may run.
   void Run();
   bool RunOne();
@@ -54,6 +61,7 @@ class TenantTurns {
   Mutex mutex_;
   std::map<std::string, Tenant> tenants_ ABSL_GUARDED_BY(mutex_);
   std::uint64_t last_served_ ABSL_GUARDED_BY(mutex_) = 0;
+  std::uint64_t last_number_ ABSL_GUARDED_BY(mutex_) = 0;
 };
 
 }  // namespace isomatch

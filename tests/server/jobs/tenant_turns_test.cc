@@ -1,10 +1,12 @@
 #include "server/jobs/tenant_turns.h"
 
 #include <atomic>
+#include <functional>
 #include <latch>
 #include <memory>
 #include <new>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <gmock/gmock.h>
@@ -13,6 +15,7 @@
 #include "absl/time/clock.h"
 #include "core/base/mutex.h"
 #include "server/jobs/thread_pool.h"
+#include "tests/server/manual_executor.h"
 
 namespace isomatch {
 namespace {
@@ -105,6 +108,42 @@ TEST_F(TenantTurnsTest, ATaskWithoutMemoryIsOverAndTheNextOnesRun) {
   EXPECT_TRUE(Post("a"));
   end.count_down();
   EXPECT_EQ(Order(), "a");
+}
+
+/// Has no memory to take a task when the test says so.
+class FullExecutor : public ManualExecutor {
+ public:
+  void Post(std::function<void()> task) override {
+    if (before_post) before_post();
+    ManualExecutor::Post(std::move(task));
+  }
+  std::function<void()> before_post;
+};
+
+TEST(TenantTurnsMemoryTest, ATaskThatIsRefusedNeverRuns) {
+  FullExecutor executor;
+  TenantTurns turns({.max_waiting_per_tenant = 4}, &executor);
+  std::string ran;
+  executor.before_post = [] { throw std::bad_alloc(); };
+  EXPECT_THROW(turns.Post("a", [&] { ran += "refused"; }), std::bad_alloc);
+  executor.before_post = nullptr;
+  EXPECT_TRUE(turns.Post("a", [&] { ran += "taken"; }));
+  while (executor.RunNext()) {
+  }
+  EXPECT_EQ(ran, "taken");
+}
+
+TEST(TenantTurnsMemoryTest, ATaskThatRanMeanwhileIsNotRefused) {
+  FullExecutor executor;
+  TenantTurns turns({.max_waiting_per_tenant = 4}, &executor);
+  std::string ran;
+  EXPECT_TRUE(turns.Post("a", [&] { ran += "1"; }));
+  executor.before_post = [&] {
+    executor.RunNext();
+    throw std::bad_alloc();
+  };
+  EXPECT_TRUE(turns.Post("a", [&] { ran += "2"; }));
+  EXPECT_EQ(ran, "12");
 }
 
 TEST_F(TenantTurnsTest, NoTaskIsLostHoweverTheyCome) {
