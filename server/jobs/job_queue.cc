@@ -1,6 +1,8 @@
 #include "server/jobs/job_queue.h"
 
 #include <algorithm>
+#include <iterator>
+#include <new>
 #include <tuple>
 #include <utility>
 
@@ -21,21 +23,29 @@ bool Overtakes(const LiveJob::Turn& turn, const LiveJob& job,
 
 void JobQueue::Push(std::shared_ptr<LiveJob> job) {
   Tenant& tenant = tenants_[job->tenant];
-  if (job->arrival == 0) {
-    job->arrival = ++last_arrival_;
-  } else if (tenant.turn.last_served == job->turn.last_served) {
-    tenant.turn = job->turn_before;
+  Job& entry = by_id_[job->id];
+  if (job->arrival == 0) job->arrival = ++last_arrival_;
+  try {
+    tenant.waiting.insert(job);
+  } catch (const std::bad_alloc&) {
+    by_id_.erase(job->id);
+    throw;
   }
   positions_.clear();
-  by_id_[job->id] = job;
-  tenant.waiting.insert(std::move(job));
+  if (job->turn.last_served > 0 &&
+      job->turn.last_served == tenant.turn.last_served) {
+    tenant.turn = {job->turn_before.last_served,
+                   job->turn_before.overtakes + tenant.turn.overtakes};
+  }
+  entry = std::move(job);
 }
 
-std::shared_ptr<LiveJob> JobQueue::PopFitting(MemoryBudget& budget) {
+std::shared_ptr<LiveJob> JobQueue::PopFitting(MemoryBudget& budget,
+                                              std::int64_t most_bytes) {
   std::shared_ptr<LiveJob> next;
   std::vector<LiveJob*> passed;
   Walk([&](const Job& job) {
-    if (job->is_held) return true;
+    if (job->memory_estimate_bytes > most_bytes) return true;
     if (tenants_[job->tenant].running >= max_running_per_tenant_) return true;
     auto reservation = budget.Reserve(job->memory_estimate_bytes);
     if (reservation.ok()) {
@@ -55,9 +65,10 @@ std::shared_ptr<LiveJob> JobQueue::PopFitting(MemoryBudget& budget) {
 void JobQueue::Serve(LiveJob& job) {
   Tenant& tenant = tenants_[job.tenant];
   for (auto& [name, other] : tenants_) {
-    if (&other == &tenant || other.waiting.empty()) continue;
-    const LiveJob& other_next = **other.waiting.begin();
-    if (Overtakes(tenant.turn, job, other_next)) ++other.turn.overtakes;
+    const auto other_next =
+        FirstFree(other.waiting.begin(), other.waiting.end());
+    if (&other == &tenant || other_next == other.waiting.end()) continue;
+    if (Overtakes(tenant.turn, job, **other_next)) ++other.turn.overtakes;
   }
   job.turn_before = tenant.turn;
   tenant.turn = job.turn = {++last_served_, 0};
@@ -86,13 +97,29 @@ std::shared_ptr<LiveJob> JobQueue::PopAny() {
 int JobQueue::JobsAhead(const std::string& id) const {
   if (by_id_.count(id) == 0) return 0;
   if (positions_.empty()) {
+    std::unordered_map<std::string, int> positions;
     Walk([&](const Job& job) {
-      const auto ahead = static_cast<int>(positions_.size());
-      positions_[job->id] = ahead;
+      const auto ahead = static_cast<int>(positions.size());
+      positions[job->id] = ahead;
       return true;
     });
+    const auto free = static_cast<int>(positions.size());
+    for (const auto& [held, job] : by_id_) positions.try_emplace(held, free);
+    positions_.swap(positions);
   }
   return positions_.at(id);
+}
+
+bool JobQueue::HasLargerThan(std::int64_t bytes) const {
+  return std::any_of(by_id_.begin(), by_id_.end(), [&](const auto& entry) {
+    const LiveJob& job = *entry.second;
+    return !job.is_held && job.memory_estimate_bytes > bytes;
+  });
+}
+
+void JobQueue::EndHold(LiveJob& job) {
+  job.is_held = false;
+  positions_.clear();
 }
 
 int JobQueue::CountHeld() const {
@@ -116,6 +143,7 @@ int JobQueue::CountOf(const std::string& tenant) const {
 bool JobQueue::Walker::operator<(const Walker& other) const {
   const LiveJob& job = **next;
   const LiveJob& other_job = **other.next;
+  if (may_start() != other.may_start()) return may_start();
   const bool is_risen = IsRisen(turn);
   if (is_risen != IsRisen(other.turn)) return is_risen;
   if (!is_risen && job.shared_priority != other_job.shared_priority) {
@@ -125,12 +153,19 @@ bool JobQueue::Walker::operator<(const Walker& other) const {
          std::tie(other.running, other.turn.last_served, other_job.arrival);
 }
 
+JobQueue::Jobs::const_iterator JobQueue::FirstFree(Jobs::const_iterator from,
+                                                   Jobs::const_iterator end) {
+  return std::find_if(from, end, [](const Job& job) { return !job->is_held; });
+}
+
 std::vector<JobQueue::Walker> JobQueue::Line() const {
   std::vector<Walker> line;
   for (const auto& [name, tenant] : tenants_) {
-    if (tenant.waiting.empty()) continue;
-    line.push_back({tenant.turn, tenant.running, tenant.waiting.begin(),
-                    tenant.waiting.end()});
+    const auto end = tenant.waiting.end();
+    const auto next = FirstFree(tenant.waiting.begin(), end);
+    if (next == end) continue;
+    line.push_back(
+        {tenant.turn, tenant.running, max_running_per_tenant_, next, end});
   }
   return line;
 }
@@ -148,7 +183,8 @@ void JobQueue::Walk(const Visit& visit) const {
     }
     walker->turn = {++served, 0};
     ++walker->running;
-    if (++walker->next == walker->end) line.erase(walker);
+    walker->next = FirstFree(std::next(walker->next), walker->end);
+    if (walker->next == walker->end) line.erase(walker);
   }
 }
 

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <map>
 #include <memory>
 #include <set>
@@ -47,6 +48,15 @@ struct LiveJob {
   /// Of the queue timeout, then of the run timeout.
   Executor::Timer timer;
 
+  /// Stands where `other`, the same job, stood before it started.
+  void TakePlaceOf(const LiveJob& other) {
+    passes = other.passes;
+    arrival = other.arrival;
+    turn_before = other.turn_before;
+    turn = other.turn;
+    times_held = other.times_held;
+  }
+
   /// Gives back reservation and timer.
   void Release() {
     reservation = MemoryBudget::Reservation();
@@ -72,7 +82,8 @@ struct LiveJob {
 /// A job which fits the memory budget may pass those before it that do not fit
 /// yet - each of them `max_passes` times at most, so that a large job is not
 /// passed for ever. A tenant of which `max_running_per_tenant` jobs run starts
-/// none. One that is held is passed by all.
+/// none, and comes after all others. One that is held is passed by all, as if
+/// it were not there.
 ///
 /// Remembers every tenant that came; there are as many as API keys.
 ///
@@ -80,20 +91,30 @@ struct LiveJob {
 class JobQueue {
  public:
   static constexpr int kMaxOvertakes = 8;
+  static constexpr std::int64_t kAnyBytes =
+      std::numeric_limits<std::int64_t>::max();
 
   JobQueue(int max_passes, int max_running_per_tenant)
       : max_passes_(max_passes),
         max_running_per_tenant_(max_running_per_tenant) {}
 
   /// Adds a job. One that PopFitting returned before and that did not run after
-  /// all takes its old place again, and its tenant the turn that it had; call
-  /// OnEnded for it first.
+  /// all takes its old place again, and its tenant the turn that it had, unless
+  /// another of its jobs started since; call OnEnded for it first. When there
+  /// is no memory for it nothing has changed.
   void Push(std::shared_ptr<LiveJob> job);
 
   /// Removes the next job that may start, with its reservation made, and counts
-  /// it as running; null when there is none. O(tenants) for each job that is
-  /// looked at.
-  std::shared_ptr<LiveJob> PopFitting(MemoryBudget& budget);
+  /// it as running; null when there is none. A job that needs more than
+  /// `most_bytes` is passed by all. O(tenants) for each job that is looked at.
+  std::shared_ptr<LiveJob> PopFitting(MemoryBudget& budget,
+                                      std::int64_t most_bytes = kAnyBytes);
+
+  /// Whether a job that is not held needs more than this. O(jobs).
+  bool HasLargerThan(std::int64_t bytes) const;
+
+  /// One that is held need not be any more.
+  void EndHold(LiveJob& job);
 
   /// A job that PopFitting returned has ended.
   void OnEnded(const std::string& tenant);
@@ -105,8 +126,9 @@ class JobQueue {
   std::shared_ptr<LiveJob> PopAny();
 
   /// Returns the number of jobs ahead of this one, 0 when it is not there: of
-  /// those that start before it when all fit and nothing else comes or ends.
-  /// O(jobs x tenants) after a change, then O(1).
+  /// those that start before it when all fit and nothing else comes or ends;
+  /// of one that is held, all that are not. O(jobs x tenants) after a change,
+  /// then O(1).
   int JobsAhead(const std::string& id) const;
 
   int size() const { return static_cast<int>(by_id_.size()); }
@@ -139,18 +161,26 @@ class JobQueue {
   struct Walker {
     LiveJob::Turn turn;
     int running;
+    int max_running;
     Jobs::const_iterator next;
     Jobs::const_iterator end;
+
+    bool may_start() const { return running < max_running; }
 
     /// It comes first.
     bool operator<(const Walker& other) const;
   };
   using Visit = std::function<bool(const Job&)>;
 
-  /// Visits the jobs in order until `visit` returns false, as if each started.
+  /// Returns the first job from here on that is not held, or `end`.
+  static Jobs::const_iterator FirstFree(Jobs::const_iterator from,
+                                        Jobs::const_iterator end);
+
+  /// Visits the jobs that are not held in order until `visit` returns false, as
+  /// if each started.
   void Walk(const Visit& visit) const;
 
-  /// Returns the tenants with a job.
+  /// Returns the tenants with a job that is not held.
   std::vector<Walker> Line() const;
 
   /// Gives the tenant of a job that starts its turn, which overtakes others.

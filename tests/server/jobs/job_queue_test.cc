@@ -62,6 +62,43 @@ TEST(JobQueueTest, OneThatIsHeldIsPassedByAll) {
   EXPECT_EQ(IdOf(queue.PopFitting(budget)), "held");
 }
 
+TEST(JobQueueTest, OneThatIsHeldTakesNoTurnOfItsTenant) {
+  MemoryBudget budget(100);
+  JobQueue queue(0, kNoLimit);
+  const auto held = NewJob("held", 1, "a", /*priority=*/5);
+  held->is_held = true;
+  queue.Push(held);
+  for (const char* id : {"a1", "a2", "a3"}) queue.Push(NewJob(id, 1, "a"));
+  for (const char* id : {"b1", "b2", "b3"}) queue.Push(NewJob(id, 1, "b"));
+  EXPECT_EQ(queue.JobsAhead("a2"), 2);
+  EXPECT_EQ(queue.JobsAhead("held"), 6);
+  std::string order;
+  for (int i = 0; i < 6; ++i) {
+    const auto job = queue.PopFitting(budget);
+    ASSERT_NE(job, nullptr);
+    order += job->id;
+    queue.OnEnded(job->tenant);
+    if (i == 3) queue.EndHold(*held);
+  }
+  EXPECT_EQ(order, "a1b1a2b2heldb3");
+  EXPECT_EQ(queue.JobsAhead("a3"), 0);
+}
+
+TEST(JobQueueTest, WhatNeedsMoreThanThereIsIsPassedByAll) {
+  MemoryBudget budget(100);
+  const auto stuck = budget.Reserve(10);
+  JobQueue queue(0, kNoLimit);
+  queue.Push(NewJob("large", 91));
+  for (const char* id : {"a", "b", "c"}) queue.Push(NewJob(id, 1));
+  EXPECT_TRUE(queue.HasLargerThan(90));
+  EXPECT_FALSE(queue.HasLargerThan(91));
+  for (const char* id : {"a", "b", "c", "none"}) {
+    EXPECT_EQ(IdOf(queue.PopFitting(budget, 90)), id);
+  }
+  EXPECT_EQ(IdOf(queue.PopFitting(budget)), "none");
+  EXPECT_EQ(queue.Remove("large")->passes, 0);
+}
+
 TEST(JobQueueTest, CountsByPriority) {
   JobQueue queue(2, kNoLimit);
   EXPECT_TRUE(queue.CountByPriority().empty());
@@ -270,6 +307,20 @@ TEST(JobQueueTest, AJobThatComesBackHasItsPlaceAndItsTenantsTurn) {
               testing::ElementsAre("a1", "b1", "a2", "b2", "a3", "b3"));
 }
 
+TEST(JobQueueTest, AJobThatComesBackLeavesItsTenantAsOftenOvertaken) {
+  MemoryBudget budget(100);
+  JobQueue queue(2, kNoLimit);
+  PushMany(queue, "b", 1);
+  const auto first = queue.PopFitting(budget);
+  PushMany(queue, "a", 20, /*priority=*/100);
+  const std::shared_ptr<LiveJob> other = NewJob("b2", 1, "b");
+  queue.Push(other);
+  for (int i = 0; i < 5; ++i) queue.OnEnded(queue.PopFitting(budget)->tenant);
+  queue.OnEnded("b");
+  queue.Push(first);
+  EXPECT_EQ(queue.JobsAhead("b1"), JobQueue::kMaxOvertakes - 5);
+}
+
 TEST(JobQueueTest, OwnPrioritiesOrderOwnJobsOnly) {
   MemoryBudget budget(100);
   JobQueue queue(2, kNoLimit);
@@ -303,31 +354,44 @@ TEST(JobQueueTest, WhoIsOvertakenEightTimesHasATurn) {
 TEST(JobQueueTest, PositionsAreTheOrderOfStarts) {
   MemoryBudget budget(100'000);
   std::mt19937 random(5);
-  for (int round = 0; round < 200; ++round) {
+  for (int round = 0; round < 600; ++round) {
     SCOPED_TRACE(round);
-    JobQueue queue(3, kNoLimit);
-    std::vector<std::string> ids;
+    // Each third with a limit that binds, and with one that seldom does.
+    const int most = std::vector<int>{kNoLimit, 2, 6}[round % 3];
+    JobQueue queue(3, most);
     // What happened before does not matter either.
     const int steps = static_cast<int>(random() % 60);
     for (int step = 0; step < steps; ++step) {
-      if (random() % 4 == 0) {
-        const auto job = queue.PopFitting(budget);
-        if (job != nullptr && random() % 2 == 0) queue.OnEnded(job->tenant);
+      const auto job = random() % 4 == 0 ? queue.PopFitting(budget) : nullptr;
+      if (job == nullptr) {
+        auto next = NewJob(absl::StrCat(step), 1, absl::StrCat(random() % 4),
+                           static_cast<int>(random() % 3));
+        next->is_held = random() % 8 == 0;
+        queue.Push(std::move(next));
         continue;
       }
-      queue.Push(NewJob(absl::StrCat(step), 1, absl::StrCat(random() % 4),
-                        static_cast<int>(random() % 3)));
+      const auto what_then = random() % 3;
+      if (what_then > 0) queue.OnEnded(job->tenant);
+      if (what_then == 2) queue.Push(job);  // it did not run after all
     }
-    std::map<int, std::string> by_position;
+    std::map<std::string, int> ahead;
     for (int step = 0; step < steps; ++step) {
-      const int ahead = queue.JobsAhead(absl::StrCat(step));
-      if (ahead > 0) by_position[ahead] = absl::StrCat(step);
+      const std::string id = absl::StrCat(step);
+      ahead[id] = queue.JobsAhead(id);
     }
-    std::vector<std::string> order;
-    while (const auto job = queue.PopFitting(budget)) order.push_back(job->id);
-    ASSERT_EQ(by_position.size(), order.empty() ? 0 : order.size() - 1);
-    for (const auto& [ahead, id] : by_position) {
-      EXPECT_EQ(order[static_cast<size_t>(ahead)], id);
+    int started = 0;
+    const int free = queue.size() - queue.CountHeld();
+    while (const auto job = queue.PopFitting(budget)) {
+      EXPECT_EQ(ahead[job->id], started++) << job->id;
+    }
+    // Who has no turn yet, and then who is held, comes after them.
+    EXPECT_TRUE(most != kNoLimit || started == free);
+    while (const auto job = queue.PopAny()) {
+      if (job->is_held) {
+        EXPECT_EQ(ahead[job->id], free);
+      } else {
+        EXPECT_GE(ahead[job->id], started);
+      }
     }
   }
 }
