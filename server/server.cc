@@ -332,7 +332,8 @@ JobManager::MemoryFigures Server::Impl::ReadMemory() const {
       budget_.reserved_bytes() + prepared_.size_bytes() +
       request_bytes_.reserved_bytes() + upload_bytes_.reserved_bytes();
   return {.resident_bytes = ResidentBytes(),
-          .expected_bytes = kProcessBytes + reserved,
+          .expected_bytes =
+              kProcessBytes + static_cast<std::int64_t>(kGrpcBytes) + reserved,
           .limit_bytes = max_resident_bytes_};
 }
 

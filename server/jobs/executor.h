@@ -20,9 +20,9 @@ class Executor {
   /// Runs `task` soon, in the order of the calls where there is one thread.
   virtual void Post(std::function<void()> task) = 0;
 
-  /// Takes one thread more, since one of them does not come back. Nothing when
-  /// the system has none.
-  virtual void AddThread() {}
+  /// Takes one thread more, since one of them does not come back; false when
+  /// there is none.
+  virtual bool AddThread() { return false; }
 
   /// Runs `task` once `delay` has passed.
   [[nodiscard]] virtual Timer PostAfter(absl::Duration delay,

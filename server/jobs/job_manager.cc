@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
-#include <limits>
+#include <new>
 #include <utility>
 
 #include "core/base/status_macros.h"
@@ -138,9 +138,7 @@ absl::StatusOr<JobPart> JobManager::GetPart(const Caller& caller,
 
 JobManager::Load JobManager::load() const {
   MutexLock lock(mutex_);
-  // One that comes back while it is being given up is counted below zero.
-  const int stuck = std::max(stuck_, 0);
-  return {queue_.size(), running_ - stuck,   stuck,
+  return {queue_.size(), running_ - stuck_,  stuck_,
           draining_,     queue_.CountHeld(), gate_.is_open()};
 }
 
@@ -322,6 +320,11 @@ absl::Status JobManager::StoreInput(const std::string& tenant,
 }
 
 void JobManager::Enqueue(const JobRecord& record) {
+  PutInQueue(NewLive(record));
+  Dispatch();
+}
+
+std::shared_ptr<LiveJob> JobManager::NewLive(const JobRecord& record) {
   const auto live = std::make_shared<LiveJob>();
   live->id = record.id;
   live->tenant = record.tenant;
@@ -338,19 +341,16 @@ void JobManager::Enqueue(const JobRecord& record) {
           FailIfStill(JobState::kQueued, id, QueueTimeout(*limit));
         });
   }
-  Push(live);
+  return live;
 }
 
-void JobManager::Push(const std::shared_ptr<LiveJob>& live) {
+void JobManager::PutInQueue(const std::shared_ptr<LiveJob>& live) {
   const std::string& id = live->id;
   bool too_late = false;
   {
     MutexLock lock(mutex_);
     too_late = draining_;
-    if (!too_late) {
-      live_[id] = live;
-      queue_.Push(live);
-    }
+    if (!too_late) PushLocked(live);
   }
   if (too_late) {
     guard_.Release(id);
@@ -359,69 +359,17 @@ void JobManager::Push(const std::shared_ptr<LiveJob>& live) {
   }
   const std::optional<JobRecord> now = parts_.jobs->Get(id);
   if (!now || IsTerminal(now->state)) Unqueue(id);  // ended meanwhile
-  Dispatch();
 }
 
-// Those that were there before.
-
-void JobManager::Begin() {
-  JobFilter all;
-  all.limit = std::numeric_limits<int>::max();
-  std::vector<JobRecord> records = parts_.jobs->List(all);
-  std::reverse(records.begin(), records.end());  // the oldest first
-  {
-    MutexLock lock(mutex_);
-    is_beginning_ = true;
+void JobManager::PushLocked(const std::shared_ptr<LiveJob>& live) {
+  const auto [place, is_new] = live_.try_emplace(live->id, live);
+  if (!is_new) return;  // memory ended behind this the last time
+  try {
+    queue_.Push(live);
+  } catch (const std::bad_alloc&) {
+    live_.erase(place);
+    throw;
   }
-  // All pins before anything is stored or forgotten.
-  for (const JobRecord& record : records) PinBlobs(record);
-  const std::set<std::string> to_blame = ToBlame(records);
-  for (const JobRecord& record : records) {
-    if (IsTerminal(record.state)) continue;
-    TakeUp(record, to_blame.count(record.id) != 0);
-  }
-  ForgetOld();
-  if (parts_.watch != nullptr) Watch();
-  {
-    MutexLock lock(mutex_);
-    is_beginning_ = false;
-  }
-  Dispatch();
-}
-
-void JobManager::PinBlobs(const JobRecord& record) {
-  if (record.result) {
-    for (const StoredPart& part : record.result->parts) {
-      (void)parts_.blobs->Pin({record.tenant, part.sha256});
-    }
-  }
-  if (IsTerminal(record.state)) return;
-  for (const std::string& sha256 : record.inputs) {
-    (void)parts_.blobs->Pin({record.tenant, sha256});
-  }
-}
-
-void JobManager::TakeUp(const JobRecord& record, bool is_to_blame) {
-  const std::int64_t budget_bytes = parts_.budget->total_bytes();
-  const bool ran = record.state == JobState::kRunning;
-  const std::int32_t faults = record.faults + (is_to_blame ? 1 : 0);
-  if (faults >= limits_.max_faults) {
-    return Fail(record, CrashedRepeatedly(faults));
-  }
-  if (ran && record.attempt >= limits_.max_attempts) {
-    return Fail(record, CrashedRepeatedly(record.attempt));
-  }
-  if (record.memory_estimate_bytes > budget_bytes) {
-    return Fail(record, JobNeedsMoreMemoryThanBudget(
-                            record.memory_estimate_bytes, budget_bytes));
-  }
-  if (record.cancel_when_unwatched) guard_.Guard(record.id);
-  if (!ran) return Enqueue(record);
-  const auto queued = Move(record.id, JobState::kQueued, [&](JobRecord& again) {
-    again.faults = faults;
-    return absl::OkStatus();
-  });
-  if (queued.ok()) Enqueue(*queued);
 }
 
 void JobManager::ForgetOld() {
@@ -437,7 +385,7 @@ void JobManager::ForgetOld() {
 
 absl::StatusOr<JobRecord> JobManager::Move(const std::string& id, JobState to,
                                            const Edit& edit) {
-  ISOMATCH_ASSIGN_OR_RETURN(const JobRecord moved,
+  ISOMATCH_ASSIGN_OR_RETURN(JobRecord moved,
                             Replace(id, [&](JobRecord& record) {
                               if (!CanMove(record.state, to))
                                 return JobIsTerminal(id, record.state);
@@ -448,14 +396,21 @@ absl::StatusOr<JobRecord> JobManager::Move(const std::string& id, JobState to,
                               if (to == JobState::kQueued) Rewind(record);
                               return absl::OkStatus();
                             }));
-  if (IsTerminal(to)) {
-    guard_.Release(id);
+  OnMoved(moved);
+  return moved;
+}
+
+void JobManager::OnMoved(const JobRecord& moved) {
+  const bool is_over = IsTerminal(moved.state);
+  if (is_over) {
+    guard_.Release(moved.id);
     UnpinInputs(moved);
   }
-  if (parts_.on_state) parts_.on_state(moved);
-  watchers_.Notify(id);
-  if (IsTerminal(to)) Prune();
-  return moved;
+  IfThereIsMemory([&] {  // else the log or a metric misses it
+    if (parts_.on_state) parts_.on_state(moved);
+  });
+  WhenThereIsMemory([&] { watchers_.Notify(moved.id); });
+  if (is_over) IfThereIsMemory([&] { Prune(); });  // else the next time
 }
 
 absl::StatusOr<JobRecord> JobManager::Change(const std::string& id,
@@ -485,7 +440,7 @@ void JobManager::UnpinParts(const std::string& tenant,
 
 void JobManager::UnpinInputs(const JobRecord& record) {
   for (const std::string& sha256 : record.inputs) {
-    parts_.blobs->Unpin({record.tenant, sha256});
+    WhenThereIsMemory([&] { parts_.blobs->Unpin({record.tenant, sha256}); });
   }
 }
 

@@ -15,6 +15,7 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "core/base/mutex.h"
+#include "server/jobs/blame.h"
 #include "server/jobs/caller.h"
 #include "server/jobs/disconnect_guard.h"
 #include "server/jobs/executor.h"
@@ -22,6 +23,7 @@
 #include "server/jobs/job_runner.h"
 #include "server/jobs/job_spec.h"
 #include "server/jobs/memory_budget.h"
+#include "server/jobs/process_memory.h"
 #include "server/jobs/retention_clock.h"
 #include "server/jobs/running_jobs.h"
 #include "server/jobs/storage_gate.h"
@@ -88,15 +90,20 @@ struct JobPart {
 ///      (UNRESPONSIVE) after `max_faults` of them, or when there is no next;
 ///   2. another thread takes the worker's place. What the job has reserved
 ///      stays with it: others start while there is memory for them;
-///   3. when as many are stuck as there are workers, `on_give_up` is called
-///      (with durable stores: without, a new process would know no job).
+///   3. `on_give_up` is called (with durable stores: without, a new process
+///      would know no job) when as many are stuck as there are workers, when
+///      there is no thread for 2, or when all that waits is held up by a job
+///      that needs what the stuck ones have. Otherwise the others pass that
+///      job.
+///
+/// If its worker comes back after all and the job is QUEUED, it runs again.
 ///
 /// The watch, several times a second, does that, and looks at the memory of the
-/// process. Beyond its limit jobs are asked to stop, one by one, the most
-/// silent first, and go back to the queue, with a fault if memory fell with
-/// their end; if it did not, no job is stopped before it grows on. After
-/// `max_faults` they are FAILED (OUT_OF_MEMORY). One that does not answer for
-/// two seconds is stuck at once, and on_give_up called.
+/// process. Beyond its limit, when what was freed is given back, jobs are asked
+/// to stop, one by one, the most silent first, and go back to the queue, with a
+/// fault if memory fell with their end; if it did not, no job is stopped before
+/// it grows on. After `max_faults` they are FAILED (OUT_OF_MEMORY). One that
+/// does not answer for two seconds is stuck at once, and on_give_up called.
 ///
 /// Thread-safe. The mutex is never held while the store, a watcher, the match
 /// or an executor is called.
@@ -168,6 +175,8 @@ class JobManager {
 
     Executor* watch = nullptr;
     std::function<MemoryFigures()> read_memory = {};
+    /// Gives memory that was freed back to the system.
+    std::function<void()> release_memory = ReleaseFreedMemory;
     /// Null without durable stores.
     TraceStore* traces = nullptr;
     /// Never goes back.
@@ -194,8 +203,10 @@ class JobManager {
 
   /// Takes up the jobs that the store has from an earlier process: those that
   /// were queued or running are queued, in their order. Of those that ran, the
-  /// ones of JobsToBlame (blame.h) have a fault more; one with `max_faults`, or
-  /// `max_attempts` starts, becomes FAILED (CRASHED_REPEATEDLY). From now on
+  /// ones of WhoIsToBlame (blame.h) have a fault more; where it is known whose
+  /// doing it was, the attempt of the others does not count. One with
+  /// `max_faults`, or `max_attempts` starts, becomes FAILED
+  /// (CRASHED_REPEATEDLY). From now on
   /// forgets old jobs by itself, and watches. Call once, before Create.
   void Begin();
 
@@ -283,30 +294,35 @@ class JobManager {
                            std::vector<JobInput> inputs);
   absl::Status StoreInput(const std::string& tenant, JobInput& input);
   void Enqueue(const JobRecord& record);
-  void Push(const std::shared_ptr<LiveJob>& live);
+  std::shared_ptr<LiveJob> NewLive(const JobRecord& record);
+  void PutInQueue(const std::shared_ptr<LiveJob>& live);
+  void PushLocked(const std::shared_ptr<LiveJob>& live)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
-  // One that was there before.
+  // One that was there before; job_manager_begin.cc.
+  Blame FindBlame(const std::vector<JobRecord>& records);
   void PinBlobs(const JobRecord& record);
-  void TakeUp(const JobRecord& record, bool is_to_blame);
-  std::set<std::string> ToBlame(const std::vector<JobRecord>& records);
+  void TakeUp(const JobRecord& record, const Blame& blame);
   void ForgetOld();
 
   // Running it.
   void Dispatch();
   std::shared_ptr<LiveJob> TakeNext();
+  /// A job waits for memory that only a new process will have.
+  bool IsHeldUpByStuck() const;
   void Run(const std::shared_ptr<LiveJob>& live);
   absl::StatusOr<JobRecord> Start(LiveJob& live);
   absl::StatusOr<RunOutcome> Execute(const LiveJob& live,
                                      const JobRecord& record);
   void ReportProgress(const std::string& id, const JobProgress& progress);
   void FailToStart(const std::string& id, const absl::Status& error);
-  /// True when the job went back to the queue: it was asked to
-  /// stop, or waits for the disk.
-  bool Finish(const LiveJob& live, const JobRecord& record,
+  void Finish(const LiveJob& live, const JobRecord& record,
               absl::StatusOr<RunOutcome> outcome);
-  bool PutBack(const std::string& id);
+  void PutBack(const std::string& id);
   bool HasFreedMemory(const std::string& id);
-  void EnqueueAgain(const std::string& id);
+  /// Once the worker of `before` has come back: if the store has the job as
+  /// QUEUED, whoever made it so, it takes its old place.
+  void EnqueueAgain(const LiveJob& before, bool is_held);
   absl::Duration RunLimit(std::optional<absl::Duration> asked) const;
   void LimitRun(LiveJob& live, const JobRecord& started);
   absl::Status Succeed(const JobRecord& record, RunOutcome outcome);
@@ -321,7 +337,7 @@ class JobManager {
   /// Makes the job QUEUED again if `error` may pass; false if not.
   bool WaitForStorage(const JobRecord& record, std::int64_t result_bytes,
                       const absl::Status& error);
-  void Requeue(const std::shared_ptr<LiveJob>& live, bool is_held);
+  void Hold(const std::shared_ptr<LiveJob>& live);
   void LetStart(const std::weak_ptr<LiveJob>& weak);
 
   // Ending it early.
@@ -337,13 +353,26 @@ class JobManager {
 
   // The watch; job_manager_watch.cc.
   void Watch();
-  void WatchMemory();
+  void WatchMemory(const MemoryFigures& memory);
   void OnNoAnswer(const std::string& id);
+  bool SetStuck(const std::string& id);
   absl::StatusOr<JobRecord> RecordNoAnswer(const std::string& id);
-  void ReplaceWorker(const std::string& tenant);
-  void WriteTrace();
+  void ReplaceWorker();
+  void WriteTrace(const MemoryFigures& memory);
   void GiveUp(const std::string& reason);
   MemoryFigures ReadMemory() const;
+  /// ReadMemory, without what was freed if that counts; with what the process
+  /// had beyond what was expected when no job ran.
+  MemoryFigures ReadSettledMemory();
+  /// A new process would have all the jobs.
+  bool may_give_up() const {
+    return limits_.durable && parts_.on_give_up != nullptr;
+  }
+  /// No worker has a job that answers, and what is known of the others is
+  /// stored.
+  bool is_idle() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+    return running_ - stuck_ <= 0 && unrecorded_ == 0;
+  }
 
   /// Returns the job if the caller may know of it.
   absl::StatusOr<JobRecord> Find(const Caller& caller,
@@ -360,6 +389,8 @@ class JobManager {
   /// watchers: who hears of a job's end finds it counted.
   absl::StatusOr<JobRecord> Move(const std::string& id, JobState to,
                                  const Edit& edit = {});
+  /// What follows from it, as far as there is memory.
+  void OnMoved(const JobRecord& moved);
 
   JobSnapshot SnapshotOf(JobRecord record) const;
 
@@ -392,6 +423,10 @@ class JobManager {
   /// With the stuck ones.
   int running_ ABSL_GUARDED_BY(mutex_) = 0;
   int stuck_ ABSL_GUARDED_BY(mutex_) = 0;
+  /// What the stuck ones have reserved.
+  std::int64_t stuck_bytes_ ABSL_GUARDED_BY(mutex_) = 0;
+  /// Those of the stuck ones of which the store does not know yet.
+  int unrecorded_ ABSL_GUARDED_BY(mutex_) = 0;
   /// Of the executor of workers.
   int threads_ ABSL_GUARDED_BY(mutex_);
   bool draining_ ABSL_GUARDED_BY(mutex_) = false;
@@ -406,8 +441,12 @@ class JobManager {
   /// Memory above the limit that stopping a job did not help against: no other
   /// is stopped for it.
   std::atomic<std::int64_t> tolerated_bytes_ = 0;
-  /// Only the watch uses it.
+  // Only the watch uses these.
   bool is_trace_empty_ = true;
+  /// What was resident when freed memory was given back last.
+  std::int64_t settled_bytes_ = 0;
+  /// What was resident when no job ran, beyond what was expected.
+  std::int64_t idle_excess_bytes_ = 0;
   RunningJobs runs_;
 };
 

@@ -24,45 +24,61 @@ void JobManager::Dispatch() {
   while (std::shared_ptr<LiveJob> live = TakeNext()) {
     const bool posted = WhenThereIsMemory(
         [&] { parts_.workers->Post([this, live] { Run(live); }); });
-    if (!posted) ReleaseSlot(live);  // it runs after a restart
+    if (posted) continue;
+    ReleaseSlot(live);
+    WhenThereIsMemory([&] { EnqueueAgain(*live, /*is_held=*/false); });
+    return;  // there may be memory the next time
+  }
+  if (IsHeldUpByStuck()) {
+    GiveUp("jobs that do not stop have memory that a waiting job needs");
   }
 }
 
 std::shared_ptr<LiveJob> JobManager::TakeNext() {
   MutexLock lock(mutex_);
   const bool may_start = !draining_ && !is_beginning_ && gate_.is_open();
-  if (!may_start || running_ - stuck_ >= limits_.workers) return nullptr;
-  std::shared_ptr<LiveJob> live = queue_.PopFitting(*parts_.budget);
+  const bool has_worker =
+      running_ - stuck_ < limits_.workers && running_ < threads_;
+  if (!may_start || !has_worker) return nullptr;
+  // What waits for memory that never comes back must not hold up the others,
+  // unless a new process will have it.
+  std::shared_ptr<LiveJob> live = queue_.PopFitting(
+      *parts_.budget, may_give_up()
+                          ? JobQueue::kAnyBytes
+                          : parts_.budget->total_bytes() - stuck_bytes_);
   if (live != nullptr) ++running_;
   return live;
 }
 
+bool JobManager::IsHeldUpByStuck() const {
+  MutexLock lock(mutex_);
+  // While others run there is time: none is stopped for it.
+  return may_give_up() && !draining_ && gate_.is_open() && stuck_ > 0 &&
+         running_ == stuck_ &&
+         queue_.HasLargerThan(parts_.budget->total_bytes() - stuck_bytes_);
+}
+
 void JobManager::Run(const std::shared_ptr<LiveJob>& live) {
-  runs_.Begin(live->id);
-  if (live->stop.stop_requested()) runs_.OnAskedToStop(live->id);
-  bool is_back = false;
   bool is_held = false;
   const auto record = WithinMemory([&] { return Start(*live); });
   if (record.ok()) {
     auto outcome = WithinMemory([&] { return Execute(*live, *record); });
     is_held = IsContentUnavailable(outcome.status());
-    is_back = Finish(*live, *record, std::move(outcome));
-  } else if (absl::IsResourceExhausted(record.status())) {
+    Finish(*live, *record, std::move(outcome));
+  } else {
     FailToStart(live->id, record.status());
   }
   ReleaseSlot(live);
   WhenThereIsMemory([&] {
-    if (is_back && live->stop.stop_requested()) {
-      EnqueueAgain(live->id);
-    } else if (is_back) {
-      Requeue(live, is_held);
-    }
+    EnqueueAgain(*live, is_held);
     Dispatch();
   });
 }
 
 absl::StatusOr<JobRecord> JobManager::Start(LiveJob& live) {
   live.timer.reset();
+  runs_.Begin(live.id, ReadMemory().resident_bytes);
+  if (live.stop.stop_requested()) runs_.OnAskedToStop(live.id);
   ISOMATCH_ASSIGN_OR_RETURN(
       JobRecord started,
       Move(live.id, JobState::kRunning, [&](JobRecord& record) {
@@ -121,7 +137,7 @@ void JobManager::FailToStart(const std::string& id, const absl::Status& error) {
   });
 }
 
-bool JobManager::Finish(const LiveJob& live, const JobRecord& record,
+void JobManager::Finish(const LiveJob& live, const JobRecord& record,
                         absl::StatusOr<RunOutcome> outcome) {
   absl::Status status = outcome.status();
   std::int64_t bytes = 0;
@@ -131,49 +147,43 @@ bool JobManager::Finish(const LiveJob& live, const JobRecord& record,
     }
     status = WithinMemory([&] { return Succeed(record, *std::move(outcome)); });
   }
-  // Both are refused when it was cancelled, timed out or given up before.
-  bool is_back = false;
-  if (!status.ok()) {
-    WhenThereIsMemory([&] {
-      if (live.stop.stop_requested()) {
-        is_back = PutBack(record.id);
-      } else {
-        is_back = WaitForStorage(record, bytes, status);
-        if (!is_back) Fail(record, status);
-      }
-    });
-  }
-  return is_back;
+  if (status.ok()) return;
+  // All are refused when it was cancelled, timed out or given up before.
+  WhenThereIsMemory([&] {
+    if (live.stop.stop_requested()) {
+      PutBack(record.id);
+    } else if (!WaitForStorage(record, bytes, status)) {
+      Fail(record, status);
+    }
+  });
 }
 
-bool JobManager::PutBack(const std::string& id) {
+void JobManager::PutBack(const std::string& id) {
   const std::optional<JobRecord> record = parts_.jobs->Get(id);
-  if (!record || record->state != JobState::kRunning) return false;
+  if (!record || record->state != JobState::kRunning) return;
   const bool is_fault = HasFreedMemory(id);
   if (is_fault && record->faults + 1 >= limits_.max_faults) {
     Fail(*record, OutOfMemory("the server's memory grew beyond its limit each "
                               "time the job ran, and fell with its end"));
-    return false;
+    return;
   }
-  return Move(id, JobState::kQueued,
-              [&](JobRecord& now) {
-                if (is_fault) {
-                  ++now.faults;
-                } else {
-                  --now.attempt;  // it had no chance
-                }
-                return absl::OkStatus();
-              })
-      .ok();
+  (void)Move(id, JobState::kQueued, [&](JobRecord& now) {
+    if (is_fault) {
+      ++now.faults;
+    } else {
+      --now.attempt;  // it had no chance
+    }
+    return absl::OkStatus();
+  });
 }
 
-void JobManager::EnqueueAgain(const std::string& id) {
-  {
-    MutexLock lock(mutex_);
-    if (live_.count(id) != 0) return;  // memory ended behind this the last time
-  }
-  const std::optional<JobRecord> record = parts_.jobs->Get(id);
-  if (record && record->state == JobState::kQueued) Enqueue(*record);
+void JobManager::EnqueueAgain(const LiveJob& before, bool is_held) {
+  const std::optional<JobRecord> record = parts_.jobs->Get(before.id);
+  if (!record || record->state != JobState::kQueued) return;
+  const std::shared_ptr<LiveJob> live = NewLive(*record);
+  live->TakePlaceOf(before);
+  if (is_held) Hold(live);
+  PutInQueue(live);
 }
 
 absl::Status JobManager::Succeed(const JobRecord& record, RunOutcome outcome) {
@@ -234,11 +244,11 @@ void JobManager::Fail(const JobRecord& record, const absl::Status& error) {
 
 void JobManager::ReleaseSlot(const std::shared_ptr<LiveJob>& live) {
   live->Release();  // before the slot, so that the next job finds the memory
-  const bool was_stuck = runs_.End(live->id);
   MutexLock lock(mutex_);
   live_.erase(live->id);
-  if (was_stuck) {
+  if (runs_.End(live->id)) {
     --stuck_;  // it has come back after all
+    stuck_bytes_ -= live->memory_estimate_bytes;
   } else {
     queue_.OnEnded(live->tenant);
   }
@@ -374,8 +384,8 @@ bool JobManager::WaitUntilIdle(absl::Duration timeout) {
       std::chrono::steady_clock::now() +
       absl::ToChronoMilliseconds(std::min(timeout, absl::Hours(24 * 365)));
   MutexLock lock(mutex_);
-  while (running_ - stuck_ > 0) {
-    if (!idle_.WaitUntil(mutex_, deadline)) return running_ - stuck_ <= 0;
+  while (!is_idle()) {
+    if (!idle_.WaitUntil(mutex_, deadline)) return is_idle();
   }
   return true;
 }

@@ -55,18 +55,11 @@ bool JobManager::WaitForStorage(const JobRecord& record,
       .ok();
 }
 
-void JobManager::Requeue(const std::shared_ptr<LiveJob>& live, bool is_held) {
-  {
-    MutexLock lock(mutex_);
-    if (live_.count(live->id) != 0) return;  // memory ended behind this
-  }
-  live->is_held = is_held;
-  if (is_held) {
-    live->timer = parts_.timers->PostAfter(
-        HoldAfter(live->times_held++),
-        [this, weak = std::weak_ptr<LiveJob>(live)] { LetStart(weak); });
-  }
-  Push(live);
+void JobManager::Hold(const std::shared_ptr<LiveJob>& live) {
+  live->is_held = true;
+  live->timer = parts_.timers->PostAfter(
+      HoldAfter(live->times_held++),
+      [this, weak = std::weak_ptr<LiveJob>(live)] { LetStart(weak); });
 }
 
 void JobManager::LetStart(const std::weak_ptr<LiveJob>& weak) {
@@ -74,7 +67,7 @@ void JobManager::LetStart(const std::weak_ptr<LiveJob>& weak) {
   if (live == nullptr) return;
   {
     MutexLock lock(mutex_);
-    live->is_held = false;
+    queue_.EndHold(*live);
   }
   Dispatch();
 }

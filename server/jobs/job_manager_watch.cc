@@ -1,14 +1,12 @@
-// The part of JobManager that watches over jobs that run, and finds out which
-// of them took the process down.
+// The part of JobManager that watches over jobs that run.
 
 #include <algorithm>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "server/jobs/blame.h"
 #include "server/jobs/errors.h"
 #include "server/jobs/job_manager.h"
-#include "server/jobs/process_memory.h"
+#include "server/jobs/within_memory.h"
 
 namespace isomatch {
 namespace {
@@ -24,24 +22,13 @@ constexpr absl::Duration kSilence = absl::Seconds(1);
 
 }  // namespace
 
-std::set<std::string> JobManager::ToBlame(
-    const std::vector<JobRecord>& records) {
-  if (parts_.traces == nullptr) return {};
-  std::vector<JobRecord> ran;
-  for (const JobRecord& record : records) {
-    if (record.state == JobState::kRunning) ran.push_back(record);
-  }
-  std::set<std::string> to_blame = JobsToBlame(parts_.traces->Read(), ran);
-  parts_.traces->Write({});  // it says nothing about what comes now
-  return to_blame;
-}
-
 void JobManager::Watch() {
   for (const auto& id : runs_.Unanswered(limits_.unresponsive_grace)) {
     OnNoAnswer(id);
   }
-  WatchMemory();
-  WriteTrace();
+  const MemoryFigures memory = ReadSettledMemory();
+  WatchMemory(memory);
+  WriteTrace(memory);
   Executor::Timer next =
       parts_.watch->PostAfter(kWatchInterval, [this] { Watch(); });
   MutexLock lock(mutex_);
@@ -52,18 +39,34 @@ JobManager::MemoryFigures JobManager::ReadMemory() const {
   return parts_.read_memory ? parts_.read_memory() : MemoryFigures();
 }
 
-void JobManager::WriteTrace() {
+JobManager::MemoryFigures JobManager::ReadSettledMemory() {
+  MemoryFigures memory = ReadMemory();
+  const std::int64_t expected = memory.expected_bytes;
+  memory.expected_bytes += idle_excess_bytes_;
+  if (memory.resident_bytes <=
+      std::min(memory.expected_bytes, memory.limit_bytes)) {
+    settled_bytes_ = 0;
+  } else if (memory.resident_bytes > settled_bytes_ + settled_bytes_ / 10) {
+    parts_.release_memory();
+    settled_bytes_ = memory.resident_bytes = ReadMemory().resident_bytes;
+  }
+  if (runs_.IsEmpty()) {
+    idle_excess_bytes_ =
+        std::max<std::int64_t>(0, memory.resident_bytes - expected);
+  }
+  return memory;
+}
+
+void JobManager::WriteTrace(const MemoryFigures& memory) {
   if (parts_.traces == nullptr) return;
   std::vector<JobTrace> jobs = runs_.Traces();
   if (jobs.empty() && is_trace_empty_) return;
   is_trace_empty_ = jobs.empty();
-  const MemoryFigures memory = ReadMemory();
   parts_.traces->Write(
       {memory.resident_bytes, memory.expected_bytes, std::move(jobs)});
 }
 
-void JobManager::WatchMemory() {
-  const MemoryFigures memory = ReadMemory();
+void JobManager::WatchMemory(const MemoryFigures& memory) {
   if (memory.resident_bytes <= memory.limit_bytes) tolerated_bytes_ = 0;
   if (memory.resident_bytes <=
       std::max<std::int64_t>(memory.limit_bytes, tolerated_bytes_)) {
@@ -92,7 +95,7 @@ void JobManager::WatchMemory() {
 bool JobManager::HasFreedMemory(const std::string& id) {
   const auto before = runs_.ResidentWhenAsked(id);
   if (!before) return false;
-  ReleaseFreedMemory();
+  parts_.release_memory();
   const std::int64_t now = ReadMemory().resident_bytes;
   const bool has_freed = now < *before - *before / 10;
   if (!has_freed) tolerated_bytes_ = now + now / 10;
@@ -100,17 +103,25 @@ bool JobManager::HasFreedMemory(const std::string& id) {
 }
 
 void JobManager::OnNoAnswer(const std::string& id) {
-  std::string tenant;
-  {
-    MutexLock lock(mutex_);
-    const auto live = live_.find(id);
-    if (live == live_.end()) return;
-    tenant = live->second->tenant;
-  }
-  if (!runs_.SetStuck(id)) return;
-  const auto record = RecordNoAnswer(id);
-  if (record.ok() && parts_.on_stuck) parts_.on_stuck(*record);
-  ReplaceWorker(tenant);
+  if (!SetStuck(id)) return;
+  WhenThereIsMemory([&] {
+    const auto record = RecordNoAnswer(id);
+    IfThereIsMemory([&] {
+      if (record.ok() && parts_.on_stuck) parts_.on_stuck(*record);
+    });
+  });
+  ReplaceWorker();
+}
+
+bool JobManager::SetStuck(const std::string& id) {
+  MutexLock lock(mutex_);
+  const auto live = live_.find(id);
+  if (live == live_.end() || !runs_.SetStuck(id)) return false;
+  ++stuck_;
+  ++unrecorded_;
+  stuck_bytes_ += live->second->memory_estimate_bytes;
+  queue_.OnEnded(live->second->tenant);  // its other jobs need not wait for it
+  return true;
 }
 
 absl::StatusOr<JobRecord> JobManager::RecordNoAnswer(const std::string& id) {
@@ -141,25 +152,27 @@ absl::StatusOr<JobRecord> JobManager::RecordNoAnswer(const std::string& id) {
   });
 }
 
-void JobManager::ReplaceWorker(const std::string& tenant) {
+void JobManager::ReplaceWorker() {
   bool needs_thread = false;
   bool are_all_stuck = false;
   {
     MutexLock lock(mutex_);
-    ++stuck_;
-    queue_.OnEnded(tenant);  // its other jobs need not wait for this one
+    --unrecorded_;
     idle_.NotifyAll();
     if (draining_) return;
-    are_all_stuck = limits_.durable && parts_.on_give_up != nullptr &&
-                    stuck_ >= limits_.workers;
+    are_all_stuck = may_give_up() && stuck_ >= limits_.workers;
     needs_thread = !are_all_stuck && threads_ < limits_.workers + stuck_;
-    if (needs_thread) ++threads_;
   }
   if (are_all_stuck) {
     return GiveUp("jobs that do not stop have taken all workers");
   }
-  if (needs_thread) parts_.workers->AddThread();
-  Dispatch();
+  if (needs_thread && parts_.workers->AddThread()) {
+    MutexLock lock(mutex_);
+    ++threads_;
+  } else if (needs_thread && may_give_up()) {
+    return GiveUp("the system has no thread for one that a job has taken");
+  }
+  WhenThereIsMemory([&] { Dispatch(); });
 }
 
 void JobManager::GiveUp(const std::string& reason) {

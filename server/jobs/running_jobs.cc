@@ -2,10 +2,10 @@
 
 namespace isomatch {
 
-void RunningJobs::Begin(const std::string& id) {
+void RunningJobs::Begin(const std::string& id, std::int64_t resident_bytes) {
   const absl::Duration now = clock_();
   MutexLock lock(mutex_);
-  entries_[id] = {.heard = now};
+  entries_[id] = {.heard = now, .resident_at_begin = resident_bytes};
 }
 
 void RunningJobs::SetAttempt(const std::string& id, std::int32_t attempt) {
@@ -33,8 +33,10 @@ void RunningJobs::OnAskedToStop(const std::string& id, ResidentBytes resident) {
 bool RunningJobs::SetStuck(const std::string& id) {
   MutexLock lock(mutex_);
   const auto found = entries_.find(id);
-  if (found == entries_.end() || found->second.is_stuck) return false;
-  found->second.is_stuck = true;
+  if (found == entries_.end()) return false;
+  Entry& entry = found->second;
+  if (entry.is_stuck || !entry.asked) return false;
+  entry.is_stuck = true;
   return true;
 }
 
@@ -55,12 +57,21 @@ bool RunningJobs::End(const std::string& id) {
   return was_stuck;
 }
 
+bool RunningJobs::IsEmpty() const {
+  MutexLock lock(mutex_);
+  return entries_.empty();
+}
+
 std::vector<JobTrace> RunningJobs::Traces() const {
   const absl::Duration now = clock_();
   std::vector<JobTrace> traces;
   MutexLock lock(mutex_);
   for (const auto& [id, entry] : entries_) {
-    traces.push_back({id, entry.attempt, now - entry.heard});
+    traces.push_back({.id = id,
+                      .attempt = entry.attempt,
+                      .silent = now - entry.heard,
+                      .is_stuck = entry.is_stuck,
+                      .resident_at_begin = entry.resident_at_begin});
     if (entry.asked) traces.back().unanswered = now - *entry.asked;
   }
   return traces;

@@ -22,7 +22,8 @@ class RunningJobs {
   explicit RunningJobs(std::function<absl::Duration()> clock)
       : clock_(std::move(clock)) {}
 
-  void Begin(const std::string& id);
+  /// With what was resident then.
+  void Begin(const std::string& id, std::int64_t resident_bytes);
   void SetAttempt(const std::string& id, std::int32_t attempt);
   void OnProgress(const std::string& id);
 
@@ -33,7 +34,8 @@ class RunningJobs {
   /// The first time counts.
   void OnAskedToStop(const std::string& id, ResidentBytes resident = {});
 
-  /// Its worker is given up; false when it was before, or has come back.
+  /// Its worker is given up; false when it was before, has come back, or was
+  /// not asked to stop, so that this is another run.
   bool SetStuck(const std::string& id);
 
   /// Returns what OnAskedToStop was told.
@@ -41,6 +43,8 @@ class RunningJobs {
 
   /// Returns whether it was stuck.
   bool End(const std::string& id);
+
+  bool IsEmpty() const;
 
   /// Of all, also of the stuck ones.
   std::vector<JobTrace> Traces() const;
@@ -55,6 +59,7 @@ class RunningJobs {
   struct Entry {
     std::int32_t attempt = 0;
     absl::Duration heard = absl::ZeroDuration();
+    std::int64_t resident_at_begin = 0;
     std::optional<absl::Duration> asked = {};
     bool is_stuck = false;
     ResidentBytes resident_when_asked = {};

@@ -83,10 +83,14 @@ ThreadPool::~ThreadPool() {
   for (std::thread& thread : threads) thread.join();
 }
 
-void ThreadPool::AddThread() {
+bool ThreadPool::AddThread() {
   try {
     impl_->Start();
+    return true;
   } catch (const std::system_error&) {  // as many as the system allows
+    return false;
+  } catch (const std::bad_alloc&) {
+    return false;
   }
 }
 

@@ -20,7 +20,7 @@ class ThreadPool : public Executor {
   ~ThreadPool() override;
 
   void Post(std::function<void()> task) override;
-  void AddThread() override;
+  bool AddThread() override;
   [[nodiscard]] Timer PostAfter(absl::Duration delay,
                                 std::function<void()> task) override;
 

@@ -19,6 +19,18 @@ auto WithinMemory(const Work& work) -> decltype(work()) {
   }
 }
 
+/// Calls `act()`; false when there is no memory for it. For what may be left
+/// out.
+template <typename Act>
+bool IfThereIsMemory(const Act& act) {
+  try {
+    act();
+    return true;
+  } catch (const std::bad_alloc&) {
+    return false;
+  }
+}
+
 /// Calls `act()`, again and again for some seconds while there is no memory for
 /// it; false when there never was. For what must not be left half done.
 /// REQUIRES: act may be called again wherever it ended.
@@ -27,12 +39,8 @@ bool WhenThereIsMemory(const Act& act) {
   constexpr int kTries = 100;
   constexpr absl::Duration kPause = absl::Milliseconds(100);
   for (int i = 0; i < kTries; ++i) {
-    try {
-      act();
-      return true;
-    } catch (const std::bad_alloc&) {
-      absl::SleepFor(kPause);
-    }
+    if (IfThereIsMemory(act)) return true;
+    absl::SleepFor(kPause);
   }
   return false;
 }

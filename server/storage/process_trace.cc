@@ -20,7 +20,9 @@ nlohmann::json TraceToJson(const ProcessTrace& trace) {
   for (const JobTrace& job : trace.jobs) {
     jobs.push_back({{"id", job.id},
                     {"attempt", job.attempt},
-                    {"silent_seconds", absl::ToDoubleSeconds(job.silent)}});
+                    {"silent_seconds", absl::ToDoubleSeconds(job.silent)},
+                    {"stuck", job.is_stuck},
+                    {"resident_bytes_at_begin", job.resident_at_begin}});
     if (!job.unanswered) continue;
     jobs.back()["unanswered_seconds"] = absl::ToDoubleSeconds(*job.unanswered);
   }
@@ -38,6 +40,9 @@ ProcessTrace TraceFromJson(const nlohmann::json& json) {
     trace.jobs.push_back(
         {job.at("id").get<std::string>(), job.at("attempt").get<std::int32_t>(),
          absl::Seconds(job.at("silent_seconds").get<double>())});
+    trace.jobs.back().is_stuck = job.value("stuck", false);
+    trace.jobs.back().resident_at_begin =
+        job.value("resident_bytes_at_begin", std::int64_t{0});
     const auto unanswered = job.find("unanswered_seconds");
     if (unanswered == job.end()) continue;
     trace.jobs.back().unanswered = absl::Seconds(unanswered->get<double>());

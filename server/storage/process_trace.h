@@ -17,6 +17,10 @@ struct JobTrace {
   absl::Duration silent = absl::ZeroDuration();
   /// Since it was asked to stop; not set when it was not.
   std::optional<absl::Duration> unanswered = std::nullopt;
+  /// Its worker was given up.
+  bool is_stuck = false;
+  /// Of the process, when the job began.
+  std::int64_t resident_at_begin = 0;
 };
 
 /// What a process was last seen doing.

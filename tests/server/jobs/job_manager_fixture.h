@@ -90,6 +90,7 @@ class JobManagerTest : public testing::Test {
       return Needing(static_cast<int>(record.memory_estimate_bytes));
     };
     parts.on_state = [this](const JobRecord& record) {
+      if (before_state_) before_state_(record);
       history_.push_back(JobStateName(record.state));
     };
     return parts;
@@ -164,6 +165,7 @@ class JobManagerTest : public testing::Test {
   int matches_ = 0;
   Correspondence found_;
   std::vector<std::string> history_;
+  std::function<void(const JobRecord&)> before_state_;
   std::function<absl::Status(std::stop_token)> during_match_ =
       [](const std::stop_token&) { return absl::OkStatus(); };
   JobStoreWithHook jobs_;

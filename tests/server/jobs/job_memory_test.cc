@@ -1,5 +1,7 @@
 // What JobManager does when there is no memory.
 
+#include <functional>
+#include <memory>
 #include <new>
 #include <string>
 #include <utility>
@@ -49,6 +51,49 @@ TEST_F(JobMemoryTest, AJobThatFindsNoMemoryToStartOrToEndGivesItsSlotBack) {
     EXPECT_LE(left, 0);
     jobs_.before_update = {};
   }
+}
+
+/// The first time that a job gets there, nobody can be told.
+std::function<void(const JobRecord&)> NoMemoryAt(JobState state) {
+  return [state, is_first = true](const JobRecord& record) mutable {
+    if (record.state == state && std::exchange(is_first, false)) {
+      throw std::bad_alloc();
+    }
+  };
+}
+
+TEST_F(JobMemoryTest, AJobThatGoesBackToTheQueueIsInIt) {
+  const std::string id = Create();
+  before_state_ = NoMemoryAt(JobState::kQueued);
+  blobs_.disk = absl::ResourceExhaustedError("disk full");
+  EXPECT_TRUE(workers_.RunNext());
+  EXPECT_EQ(StateOf(id), "QUEUED");
+  EXPECT_EQ(manager_->load().queued_jobs, 1);
+  blobs_.disk = absl::OkStatus();
+  timers_.Advance(StorageGate::kFirstProbe);
+  EXPECT_TRUE(workers_.RunNext());
+  EXPECT_EQ(StateOf(id), "SUCCEEDED");
+}
+
+class EndWatcher : public JobWatcher {
+ public:
+  explicit EndWatcher(std::function<std::string()> state)
+      : state_(std::move(state)) {}
+  void OnJobChanged() override { seen = state_(); }
+  std::string seen;
+
+ private:
+  const std::function<std::string()> state_;
+};
+
+TEST_F(JobMemoryTest, WatchersHearOfTheEndThoughTheLogDoesNot) {
+  const std::string id = Create();
+  const auto watcher =
+      std::make_shared<EndWatcher>([&] { return StateOf(id); });
+  manager_->watchers().Add(id, watcher);
+  before_state_ = NoMemoryAt(JobState::kSucceeded);
+  EXPECT_TRUE(workers_.RunNext());
+  EXPECT_EQ(watcher->seen, "SUCCEEDED");
 }
 
 }  // namespace

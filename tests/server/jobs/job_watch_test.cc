@@ -5,7 +5,7 @@
 #include <tuple>
 #include <vector>
 
-#include "tests/server/jobs/job_manager_fixture.h"
+#include "tests/server/jobs/job_watch_fixture.h"
 
 namespace isomatch {
 namespace {
@@ -14,104 +14,6 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
 using testing::SizeIs;
-
-/// What the next process reads.
-class KeptTrace : public TraceStore {
- public:
-  ProcessTrace Read() override { return last; }
-  void Write(const ProcessTrace& trace) override { last = trace; }
-  ProcessTrace last;
-};
-
-/// Workers that count how many threads they were given beside the first.
-class GrowingExecutor : public ManualExecutor {
- public:
-  void AddThread() override { ++added; }
-  int added = 0;
-};
-
-/// A match plays what the others do meanwhile: the test's thread is its worker.
-/// The records outlive each process.
-class JobWatchTest : public JobManagerTest {
- protected:
-  JobWatchTest() {
-    limits_.durable = true;
-    NextProcess();
-  }
-  ~JobWatchTest() override {
-    manager_.reset();
-    growing_.Clear();
-  }
-
-  void NextProcess() {
-    manager_.reset();
-    growing_.Clear();
-    timers_.Clear();
-    watch_.Clear();
-    JobManager::Parts parts = MakeParts();
-    parts.workers = &growing_;
-    parts.watch = &watch_;
-    parts.uptime = [this] { return uptime_; };
-    parts.read_memory = [this] { return memory_; };
-    parts.traces = limits_.durable ? &trace_ : nullptr;
-    parts.on_stuck = [this](const JobRecord& record) {
-      stuck_.push_back(record.id);
-    };
-    parts.on_give_up = [this](const std::string& reason) {
-      given_up_.push_back(reason);
-    };
-    manager_ = std::make_unique<JobManager>(limits_, parts);
-    manager_->Begin();
-  }
-
-  /// Lets time pass until the watch has looked again.
-  void Pass(absl::Duration duration) {
-    uptime_ += duration;
-    watch_.Advance(absl::Milliseconds(200));
-  }
-
-  /// The first job that runs does this; the others succeed.
-  void DuringFirstMatch(std::function<absl::Status()> act) {
-    matches_begun_ = 0;
-    during_match_ = [this, act = std::move(act)](const std::stop_token& stop) {
-      stop_ = stop;
-      if (++matches_begun_ == 1) return act();
-      if (beside_) beside_();
-      return absl::OkStatus();
-    };
-  }
-
-  /// Runs the job that was created first; nothing is left of the process in
-  /// the middle of its match, after `act`.
-  void CrashDuringFirstMatch(std::function<void()> act) {
-    DuringFirstMatch([act = std::move(act)]() -> absl::Status {
-      act();
-      throw Crashed();
-    });
-    EXPECT_THROW(growing_.RunNext(), Crashed);
-    NextProcess();
-  }
-
-  struct Crashed {};
-
-  JobRecord Record(const std::string& id) {
-    return manager_->Get(caller_, id)->record;
-  }
-
-  JobManager::Limits limits_;
-  GrowingExecutor growing_;
-  ManualExecutor watch_;
-  absl::Duration uptime_ = absl::ZeroDuration();
-  JobManager::MemoryFigures memory_ = {
-      .resident_bytes = 100, .expected_bytes = 200, .limit_bytes = 1000};
-  KeptTrace trace_;
-  int matches_begun_ = 0;
-  /// What the jobs beside the first do.
-  std::function<void()> beside_;
-  std::stop_token stop_;
-  std::vector<std::string> stuck_;
-  std::vector<std::string> given_up_;
-};
 
 TEST_F(JobWatchTest, AWorkerThatDoesNotComeBackCostsItsJobOnly) {
   limits_.workers = 2;
@@ -344,6 +246,56 @@ TEST_F(JobWatchTest, OneThatTakesAllMemoryAndDoesNotStopEndsTheProcess) {
   EXPECT_TRUE(Record(id).unresponsive);
 }
 
+TEST_F(JobWatchTest, FreedMemoryIsGivenBackBeforeAnyJobIsStopped) {
+  Create();
+  DuringFirstMatch([&] {
+    memory_.resident_bytes = 1001;
+    freed_bytes_ = 1;
+    Pass(absl::ZeroDuration());
+    EXPECT_FALSE(stop_.stop_requested());
+    memory_.resident_bytes = 1200;
+    Pass(absl::ZeroDuration());
+    EXPECT_TRUE(stop_.stop_requested());
+    return absl::CancelledError("");
+  });
+  EXPECT_TRUE(growing_.RunNext());
+}
+
+TEST_F(JobWatchTest, AJobThatIsPutBackKeepsItsPlaceAndItsTenantsTurn) {
+  const auto create_of = [&](const std::string& tenant) {
+    return manager_->Create({.tenant = tenant}, Needing(1))->record.id;
+  };
+  const std::string first = create_of("a");
+  const std::string of_b = create_of("b");
+  create_of("a");
+  DuringFirstMatch([&] {
+    memory_.resident_bytes = 1001;
+    Pass(absl::ZeroDuration());
+    return absl::CancelledError("");
+  });
+  EXPECT_TRUE(growing_.RunNext());
+  EXPECT_EQ(StateOf(first), "QUEUED");
+  EXPECT_TRUE(growing_.RunNext());
+  EXPECT_EQ(StateOf(first), "SUCCEEDED");
+  EXPECT_TRUE(growing_.RunNext());
+  EXPECT_EQ(StateOf(of_b), "SUCCEEDED");
+}
+
+TEST_F(JobWatchTest, AJobThatFindsNoMemoryToBeginGivesItsWorkerBack) {
+  const std::string bad = Create();
+  const std::string good = Create();
+  before_uptime_ = [&] {
+    before_uptime_ = nullptr;
+    throw std::bad_alloc();
+  };
+  EXPECT_TRUE(growing_.RunNext());
+  EXPECT_EQ(FailureOf(bad), "OUT_OF_MEMORY");
+  EXPECT_TRUE(growing_.RunNext());
+  EXPECT_EQ(StateOf(good), "SUCCEEDED");
+  EXPECT_EQ(manager_->load().running_jobs, 0);
+  EXPECT_EQ(budget_.reserved_bytes(), 0);
+}
+
 TEST_F(JobWatchTest, MemoryThatNoJobHasIsNoJobsFault) {
   memory_.resident_bytes = 1001;
   Pass(absl::Seconds(10));
@@ -367,7 +319,6 @@ TEST_F(JobWatchTest, TheNeighbourOfAJobThatTakesTheServerDownSucceeds) {
       growing_.RunNext();
     });
     beside_ = nullptr;
-    memory_.resident_bytes = 100;
   }
   EXPECT_EQ(FailureOf(poison), "CRASHED_REPEATEDLY");
   DuringFirstMatch([] { return absl::OkStatus(); });
@@ -375,6 +326,51 @@ TEST_F(JobWatchTest, TheNeighbourOfAJobThatTakesTheServerDownSucceeds) {
   }
   EXPECT_EQ(StateOf(innocent), "SUCCEEDED");
   EXPECT_EQ(Record(innocent).faults, 0);
+  EXPECT_EQ(Record(innocent).attempt, 1);  // the others were not its own
+}
+
+TEST_F(JobWatchTest, MemoryThatWasThereWithoutJobsIsNoJobsFault) {
+  memory_.resident_bytes = 900;
+  Pass(absl::Milliseconds(200));
+  const std::string id = Create();
+  CrashDuringFirstMatch([&] { Pass(absl::Seconds(2)); });
+  EXPECT_EQ(Record(id).faults, 0);
+  memory_.resident_bytes = 100;
+  Pass(absl::Milliseconds(200));
+  // What a job before it has freed is nobody's either.
+  CrashDuringFirstMatch([&] {
+    memory_.resident_bytes = 900;
+    freed_bytes_ = 700;
+    Pass(absl::Seconds(2));
+  });
+  EXPECT_EQ(Record(id).faults, 0);
+  CrashDuringFirstMatch([&] {
+    memory_.resident_bytes = 900;
+    Pass(absl::Seconds(2));
+  });
+  EXPECT_EQ(Record(id).faults, 1);
+}
+
+TEST_F(JobWatchTest, WhoRanBesideAStuckOneIsNotToBlame) {
+  limits_.workers = 2;
+  NextProcess();
+  const std::string deaf = Create();
+  const std::string innocent = Create();
+  CrashDuringFirstMatch([&] {
+    EXPECT_THAT(manager_->Cancel(caller_, deaf), IsOk());
+    beside_ = [&] {
+      Pass(absl::Seconds(10));
+      EXPECT_THAT(stuck_, ElementsAre(deaf));
+      ASSERT_THAT(trace_.last.jobs, SizeIs(2));
+      EXPECT_TRUE(trace_.last.jobs[0].is_stuck);
+      EXPECT_FALSE(trace_.last.jobs[1].is_stuck);
+      throw Crashed();
+    };
+    growing_.RunNext();
+  });
+  EXPECT_EQ(StateOf(innocent), "QUEUED");
+  EXPECT_EQ(Record(innocent).faults, 0);
+  EXPECT_EQ(Record(innocent).attempt, 0);
 }
 
 TEST_F(JobWatchTest, AKillFromOutsideIsNobodysFault) {

@@ -1,6 +1,9 @@
 #include "server/jobs/thread_pool.h"
 
+#include <pthread.h>
+
 #include <atomic>
+#include <cstddef>
 #include <latch>
 #include <memory>
 #include <new>
@@ -25,9 +28,22 @@ TEST(ThreadPoolTest, AnAddedThreadTakesThePlaceOfOneThatDoesNotComeBack) {
   std::latch ran(1);
   pool.Post([&] { stuck.wait(); });
   pool.Post([&] { ran.count_down(); });
-  pool.AddThread();
+  EXPECT_TRUE(pool.AddThread());
   ran.wait();
   stuck.count_down();
+}
+
+TEST(ThreadPoolTest, SaysWhenTheSystemHasNoThreadMore) {
+  ThreadPool pool(1);
+  pthread_attr_t usual;
+  ASSERT_EQ(pthread_getattr_default_np(&usual), 0);
+  pthread_attr_t huge;
+  ASSERT_EQ(pthread_attr_init(&huge), 0);
+  ASSERT_EQ(pthread_attr_setstacksize(&huge, std::size_t{1} << 47), 0);
+  ASSERT_EQ(pthread_setattr_default_np(&huge), 0);  // more than addresses
+  EXPECT_FALSE(pool.AddThread());
+  EXPECT_EQ(pthread_setattr_default_np(&usual), 0);
+  EXPECT_TRUE(pool.AddThread());
 }
 
 TEST(ThreadPoolTest, FinishesPostedTasksBeforeItGoes) {

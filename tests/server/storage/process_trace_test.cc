@@ -23,7 +23,8 @@ TEST(TraceFileTest, TheNextProcessReadsWhatTheLastOneWrote) {
     file.Write({1, 2, {{"longer", 3, absl::Seconds(4)}, {"b", 5}}});
     file.Write({10,
                 20,
-                {{"a", 3, absl::Milliseconds(4500), absl::Milliseconds(250)}}});
+                {{"a", 3, absl::Milliseconds(4500), absl::Milliseconds(250),
+                  true, 7}}});
   }
   const ProcessTrace trace = TraceFile(path).Read();
   EXPECT_EQ(trace.resident_bytes, 10);
@@ -33,6 +34,19 @@ TEST(TraceFileTest, TheNextProcessReadsWhatTheLastOneWrote) {
   EXPECT_EQ(trace.jobs[0].attempt, 3);
   EXPECT_EQ(trace.jobs[0].silent, absl::Milliseconds(4500));
   EXPECT_EQ(trace.jobs[0].unanswered, absl::Milliseconds(250));
+  EXPECT_TRUE(trace.jobs[0].is_stuck);
+  EXPECT_EQ(trace.jobs[0].resident_at_begin, 7);
+}
+
+TEST(TraceFileTest, OneOfAnEarlierVersionTellsLess) {
+  const TemporaryFolder folder;
+  TraceFile file(folder.Write(
+      "trace", R"({"resident_bytes":1,"expected_bytes":2,"jobs":[)"
+               R"({"id":"a","attempt":3,"silent_seconds":4.5}]})"));
+  const ProcessTrace trace = file.Read();
+  ASSERT_THAT(trace.jobs, SizeIs(1));
+  EXPECT_FALSE(trace.jobs[0].is_stuck);
+  EXPECT_EQ(trace.jobs[0].resident_at_begin, 0);
 }
 
 TEST(TraceFileTest, AShorterTraceCoversOneOfAnEarlierProcess) {
