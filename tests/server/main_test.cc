@@ -116,9 +116,10 @@ TEST(MainTest, SaysWhereTheMetricsAre) {
 }
 
 TEST(MainTest, EveryLineOfAJsonLogIsAnObject) {
-  ChildProcess server(ISOMATCH_SERVER_BINARY,
-                      {"--listen", "127.0.0.1:0", "--metrics-listen", "off",
-                       "--log-format", "json", "--log-level", "debug"});
+  ChildProcess server(
+      ISOMATCH_SERVER_BINARY,
+      {"--ephemeral", "--listen", "127.0.0.1:0", "--metrics-listen", "off",
+       "--log-format", "json", "--log-level", "debug"});
   const std::string rest = server.ReadUntil("\"address\":\"");
   const std::string address = rest.substr(0, rest.find('"'));
   grpc::ClientContext context;

@@ -24,11 +24,10 @@ RIGHT_FRACTION = 0.95
 TIMEOUT_SECONDS = 100
 
 
-def start_server(binary):
+def start_server(binary, data_dir):
     """Returns the process and the address it says it listens on."""
-    server = subprocess.Popen(
-        [binary, "--listen", "127.0.0.1:0", "--metrics-listen", "off"], stderr=subprocess.PIPE, text=True
-    )
+    flags = ["--data-dir", data_dir, "--listen", "127.0.0.1:0", "--metrics-listen", "off"]
+    server = subprocess.Popen([binary, *flags], stderr=subprocess.PIPE, text=True)
     for line in server.stderr:
         found = re.search(r"listens on (\S+)", line)
         if found:
@@ -89,17 +88,19 @@ def match(stub, draco_x, draco_y, truth):
 
 def main():
     binary, helper = sys.argv[1:]
-    server, address = start_server(binary)
-    try:
-        with tempfile.TemporaryDirectory() as folder:
-            pair = write_pair(helper, pathlib.Path(folder))
-        with grpc.insecure_channel(address) as channel:
-            stub = service_pb2_grpc.CorrespondenceServiceStub(channel)
-            right = match(stub, *pair)
-        server.send_signal(signal.SIGTERM)
-        status = server.wait(TIMEOUT_SECONDS)
-    finally:
-        server.kill()
+    with tempfile.TemporaryDirectory() as name:
+        folder = pathlib.Path(name)
+        pair = write_pair(helper, folder)
+        server, address = start_server(binary, folder / "data")
+        try:
+            with grpc.insecure_channel(address) as channel:
+                stub = service_pb2_grpc.CorrespondenceServiceStub(channel)
+                right = match(stub, *pair)
+            server.send_signal(signal.SIGTERM)
+            status = server.wait(TIMEOUT_SECONDS)
+        finally:
+            server.kill()
+            server.wait()
     print(f"{right:.1%} of the vertices are right, server exit {status}")
     return 0 if right >= RIGHT_FRACTION and status == 0 else 1
 
