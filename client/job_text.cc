@@ -71,7 +71,7 @@ void AppendResult(std::string& text, const v1::ResultInfo& result) {
 std::string Detail(const v1::Job& job) {
   switch (job.state()) {
     case v1::Job::STATE_QUEUED:
-      return absl::StrCat(job.queue_position(), " ahead");
+      return WaitLabel(job);
     case v1::Job::STATE_RUNNING:
       return absl::StrFormat("%.0f %% %s",
                              100 * job.progress().total_fraction(),

@@ -10,7 +10,7 @@ namespace {
 std::string Label(const v1::Job& job) {
   switch (job.state()) {
     case v1::Job::STATE_QUEUED:
-      return absl::StrCat("queued, ", job.queue_position(), " ahead");
+      return absl::StrCat("queued, ", WaitLabel(job));
     case v1::Job::STATE_RUNNING:
       return StageLabel(job.progress().stage());
     default:
@@ -30,6 +30,17 @@ std::string StageLabel(v1::Stage stage) {
 std::string StateLabel(v1::Job::State state) {
   return absl::AsciiStrToLower(
       v1::Job::State_Name(state).substr(sizeof("STATE_") - 1));
+}
+
+std::string WaitLabel(const v1::Job& job) {
+  switch (job.waiting_for()) {
+    case v1::Job::WAIT_REASON_STORAGE:
+      return "server's disk full";
+    case v1::Job::WAIT_REASON_INPUTS:
+      return "meshes unreadable";
+    default:
+      return absl::StrCat(job.queue_position(), " ahead");
+  }
 }
 
 void ProgressDisplay::Show(const v1::Job& job, absl::Time now) {

@@ -16,6 +16,10 @@ std::string StageLabel(v1::Stage stage);
 /// "queued" for STATE_QUEUED.
 std::string StateLabel(v1::Job::State state);
 
+/// What a queued job waits for: "3 ahead", or what keeps the server from
+/// starting it.
+std::string WaitLabel(const v1::Job& job);
+
 /// Tells the user how far a job is: fraction, time left, stage. Not
 /// thread-safe.
 class ProgressDisplay {

@@ -12,6 +12,7 @@
 
 #include "absl/strings/str_split.h"
 #include "absl/strings/strip.h"
+#include "client/job_text.h"
 #include "client/mesh_file.h"
 #include "client/text_file.h"
 #include "tests/client/run_isomatch.h"
@@ -93,6 +94,17 @@ TEST_F(JobCommandsTest, GetWithoutFilesTellsAboutTheJob) {
   EXPECT_EQ(job["priority"], 7);
   EXPECT_EQ(job["labels"]["study"], "spring");
   EXPECT_EQ(job["queue_position"], 0);  // defaults are there too
+}
+
+TEST(FormatJobTest, AQueuedJobTellsWhatItWaitsFor) {
+  v1::Job job;
+  job.set_state(v1::Job::STATE_QUEUED);
+  job.set_queue_position(3);
+  EXPECT_THAT(FormatJob(job), HasSubstr("queued  3 ahead\n"));
+  job.set_waiting_for(v1::Job::WAIT_REASON_STORAGE);
+  EXPECT_THAT(FormatJob(job), HasSubstr("queued  server's disk full\n"));
+  job.set_waiting_for(v1::Job::WAIT_REASON_INPUTS);
+  EXPECT_THAT(FormatJobs({job}, absl::Now()), HasSubstr("meshes unreadable"));
 }
 
 TEST_F(JobCommandsTest, GetWritesEveryFileOfMatch) {

@@ -141,6 +141,8 @@ class JobStatus:
 
     stage: "geodesics" and so on, "starting" before the first, "working" for one
     that this package does not know. Fractions: 0 to 1, never falling.
+    waiting_for: while QUEUED "turn"; "storage" when the server's disk takes no
+    results, "inputs" when its meshes cannot be read just now; else "".
     result: set when SUCCEEDED; error: set when FAILED.
     """
 
@@ -150,6 +152,7 @@ class JobStatus:
     stage_fraction: float
     total_fraction: float
     queue_position: int
+    waiting_for: str
     memory_estimate_bytes: int
     sequence: int
     attempt: int
@@ -287,6 +290,14 @@ def _job_error(message: Any) -> JobError:
     return _as(JobError, message, code=code)
 
 
+def _waiting_for(job: Any) -> str:
+    """WAIT_REASON_STORAGE as "storage"."""
+    if job.state != _messages.enum_number("Job.State", "STATE_QUEUED"):
+        return ""
+    name = _messages.enum_name("Job.WaitReason", job.waiting_for) or "WAIT_REASON_UNSPECIFIED"
+    return name.removeprefix("WAIT_REASON_").lower().replace("unspecified", "turn")
+
+
 def job_status(job: Any) -> JobStatus:
     """Of a Job message."""
     state = _messages.enum_name("Job.State", job.state) or ""
@@ -297,6 +308,7 @@ def job_status(job: Any) -> JobStatus:
         stage=_label("Stage", job.progress.stage),
         stage_fraction=job.progress.stage_fraction,
         total_fraction=job.progress.total_fraction,
+        waiting_for=_waiting_for(job),
         labels=dict(job.labels),
         create_time=_time(job, "create_time"),
         start_time=_time(job, "start_time"),

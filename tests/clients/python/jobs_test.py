@@ -16,6 +16,7 @@ import support
 
 import isomatch
 from isomatch import _draco, _messages, _transport
+from isomatch.status import job_status
 from isomatch.mesh import as_mesh
 
 INTERRUPTED = """
@@ -250,6 +251,15 @@ class JobsTest(unittest.TestCase):
             self.assertLess(time.monotonic(), deadline)
             time.sleep(0.01)
         self.assertIs(status.state, isomatch.JobState.CANCELLED)
+
+
+class JobStatusTest(unittest.TestCase):
+    def test_a_queued_job_tells_what_it_waits_for(self):
+        for number, expected in ((0, "turn"), (1, "storage"), (2, "inputs"), (99, "turn")):
+            job = _messages.Job(state="STATE_QUEUED", waiting_for=number)
+            self.assertEqual(job_status(job).waiting_for, expected)
+        job = _messages.Job(state="STATE_RUNNING")
+        self.assertEqual(job_status(job).waiting_for, "")
 
 
 class ResetStreamsTest(unittest.TestCase):
