@@ -151,7 +151,8 @@ absl::Status BatchRunner::Match(const BatchPair& pair, std::size_t index,
                                 const std::stop_token& stop) {
   MatchRequest request;
   std::vector<std::string> warnings;
-  ISOMATCH_RETURN_IF_ERROR(
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const TriangleMesh file_y,
       ReadInputs({pair.x, pair.y, pair.landmarks, options_.job.weld}, &request,
                  &warnings));
   SetJobFlags(options_.job, &request);
@@ -177,7 +178,7 @@ absl::Status BatchRunner::Match(const BatchPair& pair, std::size_t index,
            Wait(&backoff));
   if (!result.ok() && stop.stop_requested()) return Stopped();
   if (!result.ok()) return InFlagWords(result.status());
-  return record->Save(*result, request.mesh_y, warnings);
+  return record->Save(*result, file_y, warnings);
 }
 
 bool BatchRunner::Wait(Backoff* backoff) {

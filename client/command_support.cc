@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <optional>
+#include <set>
 #include <system_error>
 #include <utility>
 
@@ -55,27 +56,45 @@ absl::StatusOr<LoadedMesh> LoadMeshFile(const std::string& path,
   return loaded;
 }
 
-absl::StatusOr<TriangleMesh> LoadMesh(const std::string& path,
-                                      const std::string& field,
-                                      const std::string& weld,
-                                      std::vector<std::string>* warnings) {
+absl::StatusOr<LoadedMesh> LoadMesh(const std::string& path,
+                                    const std::string& field,
+                                    const std::string& weld,
+                                    std::vector<std::string>* warnings) {
   ISOMATCH_ASSIGN_OR_RETURN(LoadedMesh loaded, LoadMeshFile(path, field, weld));
   for (const std::string& warning : loaded.warnings) {
     warnings->push_back(absl::StrCat(field, ": '", path, "': ", warning));
   }
-  return std::move(loaded.mesh);
+  return loaded;
 }
+
+namespace {
+
+// Names under which other programs, or other commands, expect other contents.
+bool IsOfAFormat(const std::string& extension) {
+  static const std::set<std::string> kFormats = {
+      ".3ds",  ".bmp", ".csv",  ".dae",  ".drc",  ".fbx", ".gif",  ".glb",
+      ".gltf", ".gz",  ".htm",  ".html", ".jpeg", ".jpg", ".json", ".mat",
+      ".msh",  ".npy", ".npz",  ".obj",  ".off",  ".pdf", ".pkl",  ".ply",
+      ".png",  ".pt",  ".py",   ".stl",  ".svg",  ".tif", ".tiff", ".toml",
+      ".vtk",  ".vtp", ".webp", ".xml",  ".yaml", ".zip"};
+  return kFormats.count(extension) > 0;
+}
+
+}  // namespace
 
 absl::Status CheckExtension(const std::string& option, const std::string& path,
                             const std::vector<std::string>& allowed) {
   const std::string extension = LowerExtension(path);
-  if (path.empty() ||
-      std::find(allowed.begin(), allowed.end(), extension) != allowed.end()) {
+  const auto is_allowed = [&](const std::string& name) {
+    return std::find(allowed.begin(), allowed.end(), name) != allowed.end();
+  };
+  const bool none = is_allowed("");
+  if (path.empty() || is_allowed(extension) ||
+      (none && !IsOfAFormat(extension))) {
     return absl::OkStatus();
   }
   std::vector<std::string> names = allowed;
   std::erase(names, "");
-  const bool none = names.size() < allowed.size();
   return absl::InvalidArgumentError(absl::StrCat(
       option, " '", path, "': the extension is '", extension, "', expected ",
       absl::StrJoin(names, " or "), none ? ", or no extension" : ""));

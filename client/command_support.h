@@ -28,14 +28,14 @@ absl::StatusOr<LoadedMesh> LoadMeshFile(const std::string& path,
                                         const std::string& weld);
 
 /// The same; the warnings, which name field and file, go to `warnings`.
-absl::StatusOr<TriangleMesh> LoadMesh(const std::string& path,
-                                      const std::string& field,
-                                      const std::string& weld,
-                                      std::vector<std::string>* warnings);
+absl::StatusOr<LoadedMesh> LoadMesh(const std::string& path,
+                                    const std::string& field,
+                                    const std::string& weld,
+                                    std::vector<std::string>* warnings);
 
 /// INVALID_ARGUMENT unless the extension of `path`, in any case, is one of
-/// `allowed`; "" allows a name without one, as devices have. "" passes for no
-/// path.
+/// `allowed`; "" allows a name without one, as devices have, and with one that
+/// is of no format known, as in "map_0.5" and "map.v2". "" passes for no path.
 absl::Status CheckExtension(const std::string& option, const std::string& path,
                             const std::vector<std::string>& allowed);
 

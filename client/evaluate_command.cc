@@ -60,7 +60,8 @@ absl::StatusOr<Errors> Measure(const EvaluateArguments& arguments,
   const VertexIndex vertices_y = y.mesh.num_vertices();
   ISOMATCH_ASSIGN_OR_RETURN(
       const PlacesOnY places,
-      ReadPlaces(arguments.map, /*vertices_x=*/std::nullopt, y.mesh));
+      ReadPlaces(arguments.map, /*vertices_x=*/std::nullopt,
+                 y.WithFileFaces()));
   const VertexMap found = places.HeaviestVertices();
   ISOMATCH_ASSIGN_OR_RETURN(
       const GroundTruth truth,
@@ -68,7 +69,7 @@ absl::StatusOr<Errors> Measure(const EvaluateArguments& arguments,
                       vertices_y));
   const GeodesicErrorMeter meter(y.mesh);
   const auto measure = [&](const VertexMap& true_vertices) {
-    return places.is_precise ? meter.Measure(y.mesh.faces, places.on_faces,
+    return places.is_precise ? meter.Measure(y.file_faces, places.on_faces,
                                              true_vertices, stop)
                              : meter.Measure(found, true_vertices, stop);
   };

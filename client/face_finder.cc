@@ -5,6 +5,8 @@
 #include <numeric>
 #include <utility>
 
+#include "client/mesh_file.h"
+
 namespace isomatch {
 namespace {
 
@@ -29,12 +31,12 @@ VertexMap Identity(VertexIndex vertices) {
   return same;
 }
 
-/// The first vertex at each vertex's place, in single precision.
+/// The first vertex at each vertex's place, as a server sees them.
 VertexMap FirstAtPlace(const TriangleMesh& mesh) {
+  if (mesh.num_faces() == 0) return Identity(mesh.num_vertices());
+  const Positions sent = AsSent(mesh).positions;
   const auto place = [&](VertexIndex v) {
-    return std::array{static_cast<float>(mesh.positions(v, 0)),
-                      static_cast<float>(mesh.positions(v, 1)),
-                      static_cast<float>(mesh.positions(v, 2))};
+    return std::array{sent(v, 0), sent(v, 1), sent(v, 2)};
   };
   VertexMap order = Identity(mesh.num_vertices());
   std::stable_sort(

@@ -161,18 +161,22 @@ absl::StatusOr<std::map<std::string, std::string>> ParseLabels(
   return labels;
 }
 
-absl::Status ReadInputs(const MatchFiles& files, MatchRequest* request,
-                        std::vector<std::string>* warnings) {
-  ISOMATCH_ASSIGN_OR_RETURN(request->mesh_x,
+absl::StatusOr<TriangleMesh> ReadInputs(const MatchFiles& files,
+                                        MatchRequest* request,
+                                        std::vector<std::string>* warnings) {
+  ISOMATCH_ASSIGN_OR_RETURN(LoadedMesh x,
                             LoadMesh(files.x, "X", files.weld, warnings));
-  ISOMATCH_ASSIGN_OR_RETURN(request->mesh_y,
+  ISOMATCH_ASSIGN_OR_RETURN(LoadedMesh y,
                             LoadMesh(files.y, "Y", files.weld, warnings));
-  if (files.landmarks.empty()) return absl::OkStatus();
+  TriangleMesh file_y = y.WithFileFaces();
+  request->mesh_x = std::move(x.mesh);
+  request->mesh_y = std::move(y.mesh);
+  if (files.landmarks.empty()) return file_y;
   ISOMATCH_ASSIGN_OR_RETURN(
       request->landmarks,
       ReadLandmarks(files.landmarks, request->mesh_x.num_vertices(),
                     request->mesh_y.num_vertices()));
-  return absl::OkStatus();
+  return file_y;
 }
 
 absl::Status InFlagWords(const absl::Status& status) {

@@ -63,10 +63,12 @@ struct MatchFiles {
   std::string weld;
 };
 
-/// Reads both meshes and the landmarks. What is to be said about the files is
-/// appended to `warnings`. Errors name X, Y or the file's line.
-absl::Status ReadInputs(const MatchFiles& files, MatchRequest* request,
-                        std::vector<std::string>* warnings);
+/// Reads both meshes and the landmarks, and returns Y with the faces of its
+/// file, for what numbers them. What is to be said about the files is appended
+/// to `warnings`. Errors name X, Y or the file's line.
+absl::StatusOr<TriangleMesh> ReadInputs(const MatchFiles& files,
+                                        MatchRequest* request,
+                                        std::vector<std::string>* warnings);
 
 /// An error of the server about the options of a job, in words of the command
 /// line: flags for fields, megabytes for bytes.

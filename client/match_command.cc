@@ -129,10 +129,14 @@ absl::Status RunMatch(const MatchArguments& arguments,
         server, RemoteServer::Open(arguments.connection, terminal));
   }
   MatchRequest request;
-  MeshFacts facts = {&request.mesh_x, &request.mesh_y};
-  ISOMATCH_RETURN_IF_ERROR(ReadInputs(
-      {arguments.x, arguments.y, arguments.landmarks, arguments.job.weld},
-      &request, &facts.warnings));
+  std::vector<std::string> warnings;
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const TriangleMesh file_y,
+      ReadInputs(
+          {arguments.x, arguments.y, arguments.landmarks, arguments.job.weld},
+          &request, &warnings));
+  MeshFacts facts = {
+      .mesh_x = &request.mesh_x, .mesh_y = &file_y, .warnings = warnings};
   if (NeedColors(arguments.outputs)) {
     absl::StatusOr<std::optional<Colors>> colors =
         ReadVertexColors(arguments.y, request.mesh_y.num_vertices());

@@ -16,6 +16,7 @@
 #include "client/text_file.h"
 #include "client/triangulation.h"
 #include "core/base/status_macros.h"
+#include "core/io/draco_mesh.h"
 
 namespace isomatch {
 namespace {
@@ -232,6 +233,7 @@ absl::StatusOr<LoadedMesh> ReadMesh(const std::string& path,
     return Refusal(subject, extension, *bytes);
   }
   ISOMATCH_RETURN_IF_ERROR(UseSoup(soup, subject, extension, &loaded));
+  loaded.file_faces = loaded.mesh.faces;
   return loaded;
 }
 
@@ -246,7 +248,10 @@ absl::Status CheckMeshOutput(const std::string& path) {
 }
 
 TriangleMesh AsSent(const TriangleMesh& mesh) {
-  return {mesh.positions.cast<float>().cast<double>(), mesh.faces};
+  return {(mesh.positions.rowwise() - SentOriginOf(mesh))
+              .cast<float>()
+              .cast<double>(),
+          mesh.faces};
 }
 
 absl::Status WriteMesh(const std::string& path, const TriangleMesh& mesh) {

@@ -13,6 +13,12 @@ namespace isomatch {
 struct LoadedMesh {
   TriangleMesh mesh;
   std::vector<std::string> warnings;
+  /// What the file has, by number; those of `mesh` are others after a weld.
+  Faces file_faces;
+
+  /// For all that numbers faces as the file does: its faces, and the places of
+  /// `mesh`.
+  TriangleMesh WithFileFaces() const { return {mesh.positions, file_faces}; }
 };
 
 /// Returns the mesh of an OFF, OBJ, PLY (ascii or binary) or STL file, known by
@@ -31,8 +37,9 @@ struct LoadedMesh {
 absl::StatusOr<LoadedMesh> ReadMesh(const std::string& path,
                                     const std::string& field);
 
-/// The mesh as a server sees it: coordinates in single precision, as Draco
-/// carries them. Vertices that cleaning joins are those that it joins there.
+/// The mesh as a server sees it: coordinates in single precision, and of a mesh
+/// far from the origin those from SentOriginOf on, as Draco carries them.
+/// Vertices that cleaning joins are those that it joins there.
 TriangleMesh AsSent(const TriangleMesh& mesh);
 
 /// Writes an OFF or binary PLY file, by extension, atomically. Coordinates are

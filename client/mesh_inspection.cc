@@ -229,7 +229,30 @@ void WarnOfComponents(const MeshInspection& found,
   }
 }
 
-// Warnings about faces and coordinates.
+// Where every coordinate is one, the mesh may have been rounded to them.
+bool HasOnlyFloats(const TriangleMesh& mesh) {
+  return (mesh.positions.cast<float>().cast<double>().array() ==
+          mesh.positions.array())
+      .all();
+}
+
+void WarnOfRounding(const TriangleMesh& mesh, const MeshInspection& found,
+                    std::vector<std::string>* warnings) {
+  const double farthest = std::max(found.box_low.cwiseAbs().maxCoeff(),
+                                   found.box_high.cwiseAbs().maxCoeff());
+  if (std::ldexp(farthest, -24) <= kCoarseRounding * found.mean_edge ||
+      !HasOnlyFloats(mesh)) {
+    return;
+  }
+  warnings->push_back(absl::StrFormat(
+      "the mesh lies %.3g away from the origin, and all its coordinates are of "
+      "single precision, as STL and most PLY have them: they were rounded "
+      "there "
+      "by more than a hundredth of an edge (%.3g)",
+      farthest, found.mean_edge));
+}
+
+// Warnings about faces and their extent.
 void WarnOfGeometry(const MeshInspection& found,
                     std::vector<std::string>* warnings) {
   if (found.turn == FaceTurn::kNone) {
@@ -256,16 +279,6 @@ void WarnOfGeometry(const MeshInspection& found,
     warnings->push_back(absl::StrCat("only ", vertices,
                                      " vertices, expected more than the ", few,
                                      " matches that a map grows from"));
-  }
-  const double farthest = std::max(found.box_low.cwiseAbs().maxCoeff(),
-                                   found.box_high.cwiseAbs().maxCoeff());
-  if (std::ldexp(farthest, -24) > kCoarseRounding * found.mean_edge) {
-    warnings->push_back(absl::StrFormat(
-        "the mesh lies %.3g away from the origin: a file of single precision, "
-        "as STL and most PLY are, has it rounded there by more than a "
-        "hundredth "
-        "of an edge (%.3g)",
-        farthest, found.mean_edge));
   }
   const double diagonal = (found.box_high - found.box_low).norm();
   if (found.area < kThinArea * diagonal * diagonal) {
@@ -317,9 +330,13 @@ absl::StatusOr<MeshInspection> InspectMesh(const std::string& path,
   const CleanMesh clean = Clean(sent);
   InspectVertices(sent, clean, &found);
   InspectSurface(clean, &found);
+  const Eigen::RowVector3d origin = SentOriginOf(mesh);
+  found.box_low += origin;
+  found.box_high += origin;
   InspectTurn(clean, AsInFile(sent, clean, &found), &found);
   WarnOfComponents(found, &found.warnings);
   WarnOfGeometry(found, &found.warnings);
+  WarnOfRounding(mesh, found, &found.warnings);
   return found;
 }
 

@@ -6,7 +6,6 @@
 #include <cstddef>
 #include <limits>
 #include <numeric>
-#include <utility>
 #include <vector>
 
 #include "absl/container/flat_hash_map.h"
@@ -153,6 +152,55 @@ void DropCollapsed(TriangleMesh* mesh) {
   mesh->faces.conservativeResize(kept, 3);
 }
 
+std::vector<int> CountFacesAtVertices(const TriangleMesh& mesh) {
+  std::vector<int> count(static_cast<std::size_t>(mesh.num_vertices()));
+  for (const VertexIndex corner : mesh.faces.reshaped()) {
+    ++count[static_cast<std::size_t>(corner)];
+  }
+  return count;
+}
+
+// Vertices that had faces and have none any more go back to a face of their
+// place: one takes a corner there, others get copies of that face. All are on a
+// rim then, where cleaning joins them, after which the copies repeat a face.
+// `before` counts faces of vertices, `place` names one vertex of each.
+void KeepOnFaces(const std::vector<int>& before, const VertexMap& place,
+                 TriangleMesh* mesh) {
+  std::vector<int> count = CountFacesAtVertices(*mesh);
+  absl::flat_hash_map<VertexIndex, VertexMap> lost;
+  for (std::size_t v = 0; v < count.size(); ++v) {
+    if (before[v] == 0 || count[v] > 0) continue;
+    lost[place[v]].push_back(static_cast<VertexIndex>(v));
+  }
+  if (lost.empty()) return;
+  Faces& faces = mesh->faces;
+  std::vector<std::array<VertexIndex, 3>> copies;
+  for (VertexIndex f = 0; f < faces.rows(); ++f) {
+    for (int corner = 0; corner < 3; ++corner) {
+      const auto owner = static_cast<std::size_t>(faces(f, corner));
+      const auto found = lost.find(place[owner]);
+      if (found == lost.end()) continue;
+      VertexMap& vertices = found->second;
+      if (count[owner] > 1) {
+        --count[owner];
+        faces(f, corner) = vertices.back();
+        vertices.pop_back();
+      }
+      for (const VertexIndex v : vertices) {
+        copies.push_back({faces(f, 0), faces(f, 1), faces(f, 2)});
+        copies.back()[static_cast<std::size_t>(corner)] = v;
+      }
+      lost.erase(found);
+    }
+  }
+  const Eigen::Index own = faces.rows();
+  faces.conservativeResize(own + static_cast<Eigen::Index>(copies.size()), 3);
+  for (std::size_t i = 0; i < copies.size(); ++i) {
+    faces.row(own + static_cast<Eigen::Index>(i)) =
+        Eigen::Map<const Eigen::RowVector3i>(copies[i].data());
+  }
+}
+
 // Rounded up to one digit.
 double RoundedUp(double length) {
   const double power = std::pow(10, std::floor(std::log10(length)));
@@ -203,8 +251,8 @@ absl::StatusOr<VertexIndex> WeldVertices(const WeldTolerance& tolerance,
   }
   if (!(length > 0)) return 0;
   VertexGrid grid(mesh->positions, length);
-  VertexIndex moved = 0;
-  std::vector<std::pair<VertexIndex, VertexIndex>> moves;
+  VertexMap place(static_cast<std::size_t>(mesh->num_vertices()));
+  std::iota(place.begin(), place.end(), 0);
   for (VertexIndex v = 0; v < mesh->num_vertices(); ++v) {
     VertexIndex first = kNoVertex;
     grid.VisitAround(v, [&](VertexIndex w, double) {
@@ -212,15 +260,20 @@ absl::StatusOr<VertexIndex> WeldVertices(const WeldTolerance& tolerance,
     });
     if (first == kNoVertex) {
       grid.Add(v);
-    } else if (mesh->positions.row(v) != mesh->positions.row(first)) {
-      moves.emplace_back(v, first);
+    } else {
+      place[static_cast<std::size_t>(v)] = first;
     }
   }
-  for (const auto& [v, first] : moves) {
-    mesh->positions.row(v) = mesh->positions.row(first).eval();
-    ++moved;
+  VertexIndex moved = 0;
+  for (VertexIndex v = 0; v < mesh->num_vertices(); ++v) {
+    const Eigen::RowVector3d there =
+        mesh->positions.row(place[static_cast<std::size_t>(v)]);
+    moved += mesh->positions.row(v) != there;
+    mesh->positions.row(v) = there;
   }
+  const std::vector<int> faces_before = CountFacesAtVertices(*mesh);
   DropCollapsed(mesh);
+  KeepOnFaces(faces_before, place, mesh);
   if (mesh->num_faces() > 0) return moved;
   return absl::InvalidArgumentError(
       absl::StrFormat("--weld %g leaves no face", length));

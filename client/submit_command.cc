@@ -56,9 +56,10 @@ absl::Status RunSubmit(const SubmitArguments& arguments,
   std::vector<std::string> warnings;
   ISOMATCH_RETURN_IF_ERROR(SetQueueFlags(arguments.queue, &request));
   SetJobFlags(arguments.job, &request);
-  ISOMATCH_RETURN_IF_ERROR(ReadInputs(
-      {arguments.x, arguments.y, arguments.landmarks, arguments.job.weld},
-      &request, &warnings));
+  ISOMATCH_RETURN_IF_ERROR(ReadInputs({arguments.x, arguments.y,
+                                       arguments.landmarks, arguments.job.weld},
+                                      &request, &warnings)
+                               .status());
   if (arguments.functional_map) {
     request.parts = {v1::RESULT_PART_FUNCTIONAL_MAP};
   }

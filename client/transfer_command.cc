@@ -16,6 +16,7 @@
 #include "client/command_support.h"
 #include "client/commands.h"
 #include "client/map_file.h"
+#include "client/mesh_file.h"
 #include "client/named_vertices.h"
 #include "client/obj_file.h"
 #include "client/option_support.h"
@@ -77,7 +78,10 @@ struct TransferArguments {
 // What every kind of transfer works on.
 struct Inputs {
   TriangleMesh mesh_x;
+  /// With the faces of its file.
   TriangleMesh mesh_y;
+  /// What --weld made of it.
+  TriangleMesh welded_y;
   PlacesOnY places;
   int unmatched = 0;
 };
@@ -122,10 +126,13 @@ absl::StatusOr<Inputs> ReadInputs(const TransferArguments& arguments,
   Inputs inputs;
   std::vector<std::string> warnings;
   ISOMATCH_ASSIGN_OR_RETURN(
-      inputs.mesh_x, LoadMesh(arguments.x, "X", arguments.weld, &warnings));
+      LoadedMesh x, LoadMesh(arguments.x, "X", arguments.weld, &warnings));
   ISOMATCH_ASSIGN_OR_RETURN(
-      inputs.mesh_y, LoadMesh(arguments.y, "Y", arguments.weld, &warnings));
+      LoadedMesh y, LoadMesh(arguments.y, "Y", arguments.weld, &warnings));
   Warn(warnings, terminal);
+  inputs.mesh_x = x.WithFileFaces();
+  inputs.mesh_y = y.WithFileFaces();
+  inputs.welded_y = std::move(y.mesh);
   ISOMATCH_ASSIGN_OR_RETURN(
       inputs.places,
       ReadPlaces(arguments.map, inputs.mesh_x.num_vertices(), inputs.mesh_y));
@@ -269,10 +276,10 @@ absl::StatusOr<Outcome> CarryLandmarkFile(const TransferArguments& arguments,
   }
   ISOMATCH_ASSIGN_OR_RETURN(
       const std::vector<CarriedLandmark> carried,
-      CarryLandmarks(vertices, inputs.mesh_x, inputs.mesh_y,
+      CarryLandmarks(vertices, inputs.mesh_x, inputs.welded_y,
                      inputs.places.points, terminal.stop));
   Outcome outcome;
-  TellLandmarks(landmarks, carried, std::sqrt(SurfaceArea(inputs.mesh_y)),
+  TellLandmarks(landmarks, carried, std::sqrt(SurfaceArea(inputs.welded_y)),
                 &outcome);
   std::vector<NamedVertex> found;
   for (std::size_t i = 0; i < landmarks.size(); ++i) {

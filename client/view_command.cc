@@ -149,23 +149,28 @@ void Say(const Terminal& terminal, const std::string& what) {
 absl::StatusOr<NamedMesh> LoadNamedMesh(const std::string& path,
                                         const std::string& field,
                                         const std::string& weld,
-                                        std::vector<std::string>& warnings) {
+                                        std::vector<std::string>& warnings,
+                                        TriangleMesh* welded = nullptr) {
   ISOMATCH_ASSIGN_OR_RETURN(LoadedMesh loaded, LoadMeshFile(path, field, weld));
   for (const std::string& warning : loaded.warnings) {
     warnings.push_back(absl::StrCat(field, ": ", warning));
   }
-  return NamedMesh{fs::path(path).filename().string(), std::move(loaded.mesh)};
+  NamedMesh named = {fs::path(path).filename().string(),
+                     loaded.WithFileFaces()};
+  if (welded != nullptr) *welded = std::move(loaded.mesh);
+  return named;
 }
 
 absl::Status AddError(const ViewArguments& arguments, const Terminal& terminal,
-                      const MappedPair& pair, PairView& view) {
+                      const MappedPair& pair, const TriangleMesh& welded_y,
+                      PairView& view) {
   ISOMATCH_ASSIGN_OR_RETURN(
       const GroundTruth truth,
       ReadGroundTruth(arguments.truth, pair.mesh_x.num_vertices(),
                       pair.mesh_y.num_vertices()));
   Say(terminal, absl::StrCat("measuring geodesic errors of ",
                              pair.mesh_x.num_vertices(), " vertices"));
-  const GeodesicErrorMeter meter(pair.mesh_y);
+  const GeodesicErrorMeter meter(welded_y);
   const auto measure = [&](const VertexMap& true_vertices) {
     return pair.precise.empty()
                ? meter.Measure(pair.y_from_x, true_vertices, terminal.stop)
@@ -219,8 +224,10 @@ absl::StatusOr<PairView> Load(const ViewArguments& arguments,
   std::vector<std::string> warnings;
   ISOMATCH_ASSIGN_OR_RETURN(
       view.x, LoadNamedMesh(arguments.x, "X", arguments.weld, warnings));
+  TriangleMesh welded_y;
   ISOMATCH_ASSIGN_OR_RETURN(
-      view.y, LoadNamedMesh(arguments.y, "Y", arguments.weld, warnings));
+      view.y,
+      LoadNamedMesh(arguments.y, "Y", arguments.weld, warnings, &welded_y));
   const TriangleMesh& mesh_x = view.x.mesh;
   const TriangleMesh& mesh_y = view.y.mesh;
   ISOMATCH_ASSIGN_OR_RETURN(
@@ -253,7 +260,8 @@ absl::StatusOr<PairView> Load(const ViewArguments& arguments,
     view.layers.push_back(ConfidenceLayer(pair, std::move(confidence)));
   }
   if (!arguments.truth.empty()) {
-    ISOMATCH_RETURN_IF_ERROR(AddError(arguments, terminal, pair, view));
+    ISOMATCH_RETURN_IF_ERROR(
+        AddError(arguments, terminal, pair, welded_y, view));
   }
   view.figures.insert(view.figures.begin(), MapFigures(view));
   return view;

@@ -57,25 +57,9 @@ int AddAttribute(draco::GeometryAttribute::Type type, draco::DataType data_type,
                            mesh.num_points());
 }
 
-// What is subtracted from a mesh that lies far from the origin, for its extent:
-// a multiple of the power of two from 8 to 16 times that, so nothing for
-// others.
-Eigen::RowVector3d FarOriginOf(const TriangleMesh& mesh) {
-  Eigen::RowVector3d low = mesh.positions.row(mesh.faces(0, 0));
-  Eigen::RowVector3d high = low;
-  for (const VertexIndex corner : mesh.faces.reshaped()) {
-    low = low.cwiseMin(mesh.positions.row(corner));
-    high = high.cwiseMax(mesh.positions.row(corner));
-  }
-  const double extent = (high - low).maxCoeff();
-  if (!(extent > 0)) return Eigen::RowVector3d::Zero();
-  const double step = std::ldexp(1.0, std::ilogb(extent) + 4);
-  return ((0.5 * (low + high) / step).array() + 0.5).floor() * step;
-}
-
 int AddPositions(const TriangleMesh& from, draco::Mesh& mesh) {
   const Positions& positions = from.positions;
-  const Eigen::RowVector3d origin = FarOriginOf(from);
+  const Eigen::RowVector3d origin = SentOriginOf(from);
   const int id = AddAttribute(draco::GeometryAttribute::POSITION,
                               draco::DT_FLOAT32, 3, mesh);
   for (Eigen::Index v = 0; v < positions.rows(); ++v) {
@@ -134,6 +118,19 @@ absl::StatusOr<std::string> Compress(const draco::Mesh& mesh, VertexOrder order,
 }
 
 }  // namespace
+
+Eigen::RowVector3d SentOriginOf(const TriangleMesh& mesh) {
+  Eigen::RowVector3d low = mesh.positions.row(mesh.faces(0, 0));
+  Eigen::RowVector3d high = low;
+  for (const VertexIndex corner : mesh.faces.reshaped()) {
+    low = low.cwiseMin(mesh.positions.row(corner));
+    high = high.cwiseMax(mesh.positions.row(corner));
+  }
+  const double extent = (high - low).maxCoeff();
+  if (!(extent > 0)) return Eigen::RowVector3d::Zero();
+  const double step = std::ldexp(1.0, std::ilogb(extent) + 4);
+  return ((0.5 * (low + high) / step).array() + 0.5).floor() * step;
+}
 
 absl::StatusOr<EncodedMesh> EncodeDraco(const TriangleMesh& mesh,
                                         const DracoOptions& options) {

@@ -67,14 +67,18 @@ struct DracoOptions {
   int position_bits = 0;
 };
 
+/// The point from which EncodeDraco counts coordinates: the origin, or of a
+/// mesh that lies far from it, for its extent, a multiple of the power of two
+/// from 8 to 16 times that near the mesh. REQUIRES: a face.
+Eigen::RowVector3d SentOriginOf(const TriangleMesh& mesh);
+
 /// Returns `mesh` compressed: edgebreaker with a vertex_id attribute when every
 /// vertex is on a face, else sequential, which keeps order and isolated
 /// vertices. Decoding gives every vertex its index back in either case.
-/// Coordinates are rounded to single precision. Of a mesh that lies farther from
-/// the origin than some times its extent, as georeferenced ones do, little would
-/// be left: its coordinates are those from a point near it (a multiple of a
-/// power of two). Matching does not depend on where a mesh lies.
-/// REQUIRES: ValidateMesh(mesh). INTERNAL when Draco refuses.
+/// Coordinates are rounded to single precision. Of a mesh that lies far from
+/// the origin, as georeferenced ones do, little would be left: its coordinates
+/// are those from SentOriginOf on. Matching does not depend on where a mesh
+/// lies. REQUIRES: ValidateMesh(mesh). INTERNAL when Draco refuses.
 absl::StatusOr<EncodedMesh> EncodeDraco(const TriangleMesh& mesh,
                                         const DracoOptions& options = {});
 

@@ -1,6 +1,7 @@
 #include "core/pipeline/verdict.h"
 
 #include <cmath>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "core/pipeline/matcher.h"

@@ -234,6 +234,42 @@ TEST_F(CommandLineTest, ASoupIsWeldedOnDemand) {
   EXPECT_LT(meter.Measure(found, of_corners)->mean_over_diameter, 0.05);
 }
 
+// A weld drops faces; those of a precise map have the numbers of the file.
+TEST_F(CommandLineTest, APreciseMapOfAWeldNamesTheFacesOfTheFile) {
+  MakePair(300, 300);
+  const LoadedMesh b = *ReadMesh(b_, "Y");
+  // A vertex within the first face, at its first corner but for rounding.
+  TriangleMesh dense = b.mesh;
+  const VertexIndex extra = dense.num_vertices();
+  dense.positions.conservativeResize(extra + 1, 3);
+  dense.positions.row(extra) =
+      dense.positions.row(dense.faces(0, 0)) * (1 + 1e-9);
+  const Eigen::RowVector3i first = b.mesh.faces.row(0);
+  dense.faces.resize(b.mesh.num_faces() + 2, 3);
+  dense.faces << first[0], first[1], extra,  //
+      first[2], first[0], extra,             //
+      first[1], first[2], extra,             //
+      b.mesh.faces.bottomRows(b.mesh.num_faces() - 1);
+  const std::string path = folder_.Path("dense.off");
+  const std::string precise = folder_.Path("precise.txt");
+  ASSERT_THAT(WriteMesh(path, dense), IsOk());
+  const CommandOutcome welded =
+      Run({"match", a_, path, "-o", map_, "--precise", precise, "--weld",
+           "1e-6", "--no-progress"});
+  ASSERT_EQ(welded.status, kExitSuccess) << welded.err;
+  const auto error = [&](const std::vector<std::string>& weld) {
+    std::vector<std::string> arguments = {"evaluate", path, precise, truth_,
+                                          "--json"};
+    arguments.insert(arguments.end(), weld.begin(), weld.end());
+    const CommandOutcome outcome = Run(arguments);
+    EXPECT_EQ(outcome.status, kExitSuccess) << outcome.err;
+    return nlohmann::json::parse(outcome.out)["direct"]["mean_over_diameter"]
+        .get<double>();
+  };
+  EXPECT_LT(error({}), 0.05);
+  EXPECT_NEAR(error({"--weld", "1e-6"}), error({}), 1e-3);
+}
+
 TEST_F(CommandLineTest, WrongUsageExitsWith2) {
   MakePair(300, 300);
   const std::string missing = folder_.Path("none.off");

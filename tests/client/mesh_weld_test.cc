@@ -81,6 +81,20 @@ TEST(WeldVerticesTest, ShortEdgesInsideTheSurfaceGo) {
   EXPECT_EQ(EdgeFaces(clean.mesh.faces).boundary_edges(), 0);
 }
 
+// A tolerance above an edge leaves vertices inside without a face.
+TEST(WeldVerticesTest, VerticesWithoutAFaceGoWhereTheyWereMoved) {
+  TriangleMesh sphere = UnitSphere(4);
+  ASSERT_THAT(WeldVertices(Tolerance("6%"), &sphere), IsOk());
+  const CleanMesh clean = Clean(sphere);
+  EXPECT_LT(clean.mesh.num_vertices(), sphere.num_vertices() / 4);
+  for (VertexIndex v = 0; v < sphere.num_vertices(); ++v) {
+    const VertexIndex kept =
+        clean.clean_from_original[static_cast<std::size_t>(v)];
+    ASSERT_GE(kept, 0) << v;
+    EXPECT_EQ(clean.mesh.positions.row(kept), sphere.positions.row(v)) << v;
+  }
+}
+
 TEST(WeldVerticesTest, NothingNearIsLeftAlone) {
   TriangleMesh sphere = BumpySphere(2);
   const TriangleMesh before = sphere;

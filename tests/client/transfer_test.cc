@@ -96,6 +96,21 @@ TEST_F(CarryLandmarksTest, TheNearestPlaceAlongTheSurfaceWins) {
   EXPECT_NEAR(found.distance, 1, 1e-6);
 }
 
+TEST_F(CarryLandmarksTest, WhereYLiesDoesNotMatter) {
+  const TriangleMesh near = BumpySphere(3);
+  TriangleMesh far = near;
+  far.positions.rowwise() += Eigen::RowVector3d(500'000, 4'500'000, 120);
+  VertexMap map(static_cast<std::size_t>(near.num_vertices()));
+  std::iota(map.begin(), map.end(), 0);
+  map[5] = 100;  // so that another is the nearest
+  const auto here = Carry({5, 7}, near, near, AtAll(map));
+  const auto there = Carry({5, 7}, near, far, AtAll(map));
+  for (std::size_t i = 0; i < here.size(); ++i) {
+    EXPECT_EQ(there[i].x, here[i].x);
+    EXPECT_NEAR(there[i].distance, here[i].distance, 1e-5);
+  }
+}
+
 TEST_F(CarryLandmarksTest, OfSeveralTheOneInTheirMiddleIsTaken) {
   const TriangleMesh y = PlaneGrid(2, 1, 2, 1);
   const TriangleMesh x = PlaneGrid(6, 1, 6, 1);
