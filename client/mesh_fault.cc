@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
@@ -308,9 +309,14 @@ std::optional<MeshFault> FindTextStlFault(absl::string_view text) {
   WordCursor cursor(text);
   std::int64_t triangles = 0;
   int corners = 0;
+  bool has_ended = false;
   absl::string_view word;
-  for (; !(word = cursor.Take()).empty(); cursor.DropLine()) {
-    if (word == "endsolid" && corners == 0) return std::nullopt;
+  while (!(word = cursor.Take()).empty()) {
+    // The name of a solid may have any words.
+    if (word == "solid" || word == "endsolid") {
+      has_ended = word == "endsolid" && corners == 0;
+      cursor.DropLine();
+    }
     if (word == "endloop" && corners != 3) {
       return MeshFault{cursor.Place(),
                        absl::StrCat("triangle ", triangles, " (0-based) has ",
@@ -332,6 +338,7 @@ std::optional<MeshFault> FindTextStlFault(absl::string_view text) {
                        ", expected a finite number")};
     }
   }
+  if (has_ended) return std::nullopt;
   return MeshFault{cursor.Place(),
                    absl::StrCat("the file ends after ", triangles,
                                 " triangles without `endsolid`")};
@@ -365,11 +372,14 @@ std::optional<MeshFault> FindPlyFault(absl::string_view bytes) {
 }
 
 std::optional<MeshFault> FindStlFault(absl::string_view bytes) {
+  // Headers of binary files may begin with "solid" too; as a number, letters of
+  // a text are more triangles than it has bytes for.
   const bool is_binary =
       bytes.size() >= kStlHeaderBytes &&
-      kStlHeaderBytes + kStlTriangleBytes * std::size_t{StlTriangles(bytes)} ==
+      kStlHeaderBytes + kStlTriangleBytes * std::size_t{StlTriangles(bytes)} <=
           bytes.size();
-  return absl::StartsWith(bytes, "solid") && !is_binary
+  return absl::StartsWith(absl::StripLeadingAsciiWhitespace(bytes), "solid") &&
+                 !is_binary
              ? FindTextStlFault(bytes)
              : FindBinaryStlFault(bytes);
 }

@@ -81,6 +81,34 @@ TEST_F(MeshFileTest, StlIsWeldedWithAWarning) {
   EXPECT_THAT(loaded->warnings[0], HasSubstr("joined to 4 vertices"));
 }
 
+// What readers of STL take, writers write.
+TEST_F(MeshFileTest, StlMayBeginWithBlanksGoOnAndTrail) {
+  const auto facet = [](const std::string& z) {
+    return "facet normal 0 0 1 outer loop vertex 0 0 " + z + " vertex 1 0 " +
+           z + "\nvertex 1 1 " + z + " endloop endfacet\n";
+  };
+  const std::string two = "\n  solid one endsolid vertex\n" + facet("0") +
+                          "endsolid one\nsolid\n" + facet("1");
+  const auto text = Read("a.stl", two + "endsolid\n");
+  ASSERT_THAT(text, IsOk());
+  EXPECT_EQ(text->mesh.num_faces(), 2);
+  EXPECT_THAT(Error("a.stl", two),
+              Refused("the file ends after 2 triangles without `endsolid`"));
+  EXPECT_THAT(
+      Error("a.stl", two + facet("nan") + "endsolid\n"),
+      Refused("line 9: z of a corner of triangle 2 (0-based) is 'nan'"));
+
+  std::string binary(84 + 50, '\0');
+  binary.replace(0, 5, "solid");
+  binary[80] = 1;
+  const float one = 1;
+  std::memcpy(&binary[84 + 12], &one, sizeof(one));
+  std::memcpy(&binary[84 + 28], &one, sizeof(one));
+  const auto trailed = Read("b.stl", binary + "made by hand");
+  ASSERT_THAT(trailed, IsOk());
+  EXPECT_EQ(trailed->mesh.num_faces(), 1);
+}
+
 TEST_F(MeshFileTest, WrittenMeshesComeBack) {
   const TriangleMesh mesh = Moved(BumpySphere(2), 1e-3);
   for (const char* name : {"a.off", "a.ply"}) {
