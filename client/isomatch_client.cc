@@ -6,6 +6,7 @@
 
 #include <grpcpp/client_context.h>
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/string_view.h"
 #include "absl/time/clock.h"
@@ -83,6 +84,10 @@ absl::Status SetPart(v1::ResultPart part, const std::string& bytes,
           absl::StrCat("part ", part, ", expected a ResultPart"));
   }
   return absl::OkStatus();
+}
+
+bool IsMeshMissing(const absl::Status& status) {
+  return absl::StrContains(status.message(), "(MESH_MISSING)");
 }
 
 }  // namespace
@@ -178,16 +183,22 @@ absl::StatusOr<v1::Job> IsomatchClient::Create(const MatchRequest& request,
   const v1::GetServerInfoResponse::Limits& limits = server.limits();
   const bool is_inline =
       FitsOneRequest(meshes, request, limits.max_request_bytes());
-  if (!is_inline) {
+  v1::CreateJobRequest message =
+      MakeCreateJobRequest(request, meshes, is_inline);
+  message.set_disconnect_policy(policy);
+  if (is_inline) return SendCreateJob(message, stop);
+  const auto upload_and_send = [&]() -> absl::StatusOr<v1::Job> {
     for (const EncodedMesh* mesh : {&meshes.x, &meshes.y}) {
       ISOMATCH_RETURN_IF_ERROR(
           Upload(mesh->bytes, limits.max_chunk_bytes(), stop));
     }
-  }
-  v1::CreateJobRequest message =
-      MakeCreateJobRequest(request, meshes, is_inline);
-  message.set_disconnect_policy(policy);
-  return SendCreateJob(message, stop);
+    return SendCreateJob(message, stop);
+  };
+  absl::StatusOr<v1::Job> job = upload_and_send();
+  // A mesh that the server had may be gone since: with the last job that named
+  // it, or damaged, which shows when it is read.
+  if (IsMeshMissing(job.status())) job = upload_and_send();
+  return job;
 }
 
 absl::StatusOr<bool> IsomatchClient::UploadMesh(const TriangleMesh& mesh,

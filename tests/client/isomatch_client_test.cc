@@ -2,6 +2,8 @@
 
 #include "client/isomatch_client.h"
 
+#include <filesystem>
+#include <fstream>
 #include <future>
 #include <memory>
 #include <optional>
@@ -17,6 +19,7 @@
 #include "tests/server/test_server.h"
 #include "tests/support/matchers.h"
 #include "tests/support/shapes.h"
+#include "tests/support/temporary_folder.h"
 
 namespace isomatch {
 namespace {
@@ -101,6 +104,29 @@ TEST_F(IsomatchClientTest, LargeMeshesAreUploadedOnce) {
   EXPECT_GT(sent, 2 << 20);
   ExpectMap(request, Match(request));
   EXPECT_LT(proxy_->bytes_passed(TcpProxy::kToServer) - sent, 16 << 10);
+}
+
+TEST_F(IsomatchClientTest, AMeshThatIsDamagedThereIsSentAgain) {
+  const TemporaryFolder folder;
+  ServerConfig config = TestConfig();
+  config.max_request_bytes = 2 << 20;
+  config.ephemeral = false;
+  config.data_dir = folder.Path("data");
+  Connect(config);
+  const MatchRequest request = LargePair();
+  ExpectMap(request, Match(request));
+  namespace fs = std::filesystem;
+  int damaged = 0;
+  for (const auto& file :
+       fs::recursive_directory_iterator(folder.Path("data/blobs"))) {
+    if (!file.is_regular_file() || file.file_size() < (1 << 20)) continue;
+    std::fstream bytes(file.path(), std::ios::in | std::ios::out);
+    bytes.seekp(1000);
+    bytes << "no longer what it was";
+    ++damaged;
+  }
+  ASSERT_EQ(damaged, 1);  // of X; the map is smaller
+  ExpectMap(request, Match(request));
 }
 
 TEST_F(IsomatchClientTest, ALostUploadIsSentAgain) {
