@@ -59,8 +59,9 @@ absl::Status RunGet(const GetArguments& arguments, const Terminal& terminal) {
   if (!arguments.outputs.precise.empty()) {
     ISOMATCH_ASSIGN_OR_RETURN(y, ReadMesh(arguments.mesh_y, "--mesh-y"));
   }
-  ISOMATCH_ASSIGN_OR_RETURN(const RemoteServer server,
-                            RemoteServer::Open(arguments.connection, terminal));
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const RemoteServer server,
+      RemoteServer::Contact(arguments.connection, terminal));
   IsomatchClient client(server.channel());
   const absl::StatusOr<v1::Job> job = FindJob(arguments, client, terminal);
   if (!job.ok()) return server.Explain(job.status());

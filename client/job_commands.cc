@@ -65,8 +65,9 @@ struct WatchArguments {
 
 absl::Status RunWatch(const WatchArguments& arguments,
                       const Terminal& terminal) {
-  ISOMATCH_ASSIGN_OR_RETURN(const RemoteServer server,
-                            RemoteServer::Open(arguments.connection, terminal));
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const RemoteServer server,
+      RemoteServer::Contact(arguments.connection, terminal));
   ProgressDisplay display(
       terminal.err, ProgressStyleFor(terminal.is_interactive, arguments.json));
   const auto show = [&](const v1::Job& job) {
@@ -77,7 +78,12 @@ absl::Status RunWatch(const WatchArguments& arguments,
       IsomatchClient(server.channel())
           .Watch(FullJobName(arguments.job), show, terminal.stop);
   if (!job.ok()) return server.Explain(job.status());
-  return OutcomeOf(*job);
+  ISOMATCH_RETURN_IF_ERROR(OutcomeOf(*job));
+  if (!arguments.json) {
+    Warn(ResultWarnings(job->result()), terminal);
+    TellVerdict(job->result().verdict(), /*quiet=*/false, terminal);
+  }
+  return absl::OkStatus();
 }
 
 struct ListArguments {
@@ -98,8 +104,9 @@ absl::Status RunList(const ListArguments& arguments, const Terminal& terminal) {
   }
   ISOMATCH_ASSIGN_OR_RETURN(query.labels,
                             ParseLabels("--label", arguments.labels));
-  ISOMATCH_ASSIGN_OR_RETURN(const RemoteServer server,
-                            RemoteServer::Open(arguments.connection, terminal));
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const RemoteServer server,
+      RemoteServer::Contact(arguments.connection, terminal));
   const absl::StatusOr<std::vector<v1::Job>> jobs =
       IsomatchClient(server.channel()).ListJobs(query, terminal.stop);
   if (!jobs.ok()) return server.Explain(jobs.status());
@@ -124,8 +131,9 @@ struct JobsArguments {
 template <typename Call>
 absl::Status ForEachJob(const JobsArguments& arguments,
                         const Terminal& terminal, const Call& call) {
-  ISOMATCH_ASSIGN_OR_RETURN(const RemoteServer server,
-                            RemoteServer::Open(arguments.connection, terminal));
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const RemoteServer server,
+      RemoteServer::Contact(arguments.connection, terminal));
   IsomatchClient client(server.channel());
   absl::Status first;
   for (const std::string& word : arguments.jobs) {

@@ -7,6 +7,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "client/connection.h"
+#include "client/isomatch_client.h"
 #include "core/base/status_macros.h"
 
 namespace isomatch {
@@ -41,6 +42,15 @@ absl::StatusOr<RemoteServer> RemoteServer::Open(const ConnectionFlags& flags,
       LoadSecurity(flags, std::getenv("ISOMATCH_API_KEY")));
   Warn(SecurityWarnings(flags, security), terminal);
   return RemoteServer(flags.server, ConnectTo(flags.server, security));
+}
+
+absl::StatusOr<RemoteServer> RemoteServer::Contact(const ConnectionFlags& flags,
+                                                   const Terminal& terminal) {
+  ISOMATCH_ASSIGN_OR_RETURN(RemoteServer server, Open(flags, terminal));
+  const auto info =
+      IsomatchClient(server.channel()).GetServerInfo(terminal.stop);
+  if (!info.ok()) return server.Explain(info.status());
+  return server;
 }
 
 absl::Status RemoteServer::Explain(const absl::Status& status) const {

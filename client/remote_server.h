@@ -20,6 +20,12 @@ class RemoteServer {
   static absl::StatusOr<RemoteServer> Open(const ConnectionFlags& flags,
                                            const Terminal& terminal);
 
+  /// The same, then asks the server who it is, so that one that is not there is
+  /// told within the 3 s of GetServerInfo: later calls wait for longer, as a
+  /// server that was there may come back. What Explain says.
+  static absl::StatusOr<RemoteServer> Contact(const ConnectionFlags& flags,
+                                              const Terminal& terminal);
+
   const std::shared_ptr<grpc::Channel>& channel() const { return channel_; }
 
   /// Returns what a call ended with, in the words of the flags: which server

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstddef>
 #include <functional>
+#include <utility>
 
 #include <nlohmann/json.hpp>
 
@@ -103,9 +104,28 @@ absl::Status AppendStages(const std::string& path, const Json& report,
   return absl::OkStatus();
 }
 
+/// Reports before there were verdicts have none.
+absl::Status AppendVerdict(const std::string& path, const Json& report,
+                           FigureTable& table) {
+  for (const auto& [pointer, label] :
+       {std::pair("/verdict/level", "verdict"),
+        std::pair("/verdict/reason", "because"),
+        std::pair("/verdict/advice", "what to do")}) {
+    const Json::json_pointer field(pointer);
+    if (!report.contains(field)) continue;
+    if (!report[field].is_string()) {
+      return FieldError(path, Dotted(pointer), report[field], "a text");
+    }
+    const auto text = report[field].get<std::string>();
+    if (!text.empty()) table.rows.emplace_back(label, text);
+  }
+  return absl::OkStatus();
+}
+
 absl::StatusOr<FigureTable> QualityTable(const std::string& path,
                                          const Json& report) {
   FigureTable table = {"Quality", {}};
+  ISOMATCH_RETURN_IF_ERROR(AppendVerdict(path, report, table));
   for (const Field& field : kQuality) {
     ISOMATCH_RETURN_IF_ERROR(AppendNumber(path, report, field, table));
   }

@@ -58,6 +58,9 @@ absl::Status MatchFiles(const std::string& path_x, const std::string& path_y,
   const auto matched = result->y_from_x.size() - result->info.unmatched();
   std::cout << matched << " of " << result->y_from_x.size()
             << " vertices matched\n";
+  const v1::Verdict& verdict = result->info.verdict();
+  std::cout << v1::Verdict::Level_Name(verdict.level()) << ": "
+            << verdict.reason() << " " << verdict.advice() << "\n";
   const auto least = std::ranges::min_element(*result->confidence);
   std::cout << "least trusted vertex of X: "
             << least - result->confidence->begin() << ", confidence " << *least

@@ -57,6 +57,19 @@ TEST(ParseReportTest, ShowsTimesMemoryAndQuality) {
   EXPECT_THAT(figures->warnings, ElementsAre("X: 1 face repeats another"));
 }
 
+TEST(ParseReportTest, TheVerdictComesFirst) {
+  const absl::StatusOr<ReportFigures> figures = Parse(
+      R"({"verdict": {"level": "bad", "reason": "torn", "advice": "look"},
+          "symmetry_confidence": 0.75})");
+  ASSERT_THAT(figures, IsOk());
+  EXPECT_THAT(figures->tables[0].rows,
+              ElementsAre(Pair("verdict", "bad"), Pair("because", "torn"),
+                          Pair("what to do", "look"),
+                          Pair("symmetry confidence (0 to 1)", "0.75")));
+  ExpectError(R"({"verdict": {"level": 2}})",
+              "verdict.level is 2, expected a text");
+}
+
 TEST(ParseReportTest, FieldsMayBeMissing) {
   const absl::StatusOr<ReportFigures> figures = Parse("{}");
   ASSERT_THAT(figures, IsOk());
