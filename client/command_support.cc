@@ -72,11 +72,11 @@ namespace {
 // Names under which other programs, or other commands, expect other contents.
 bool IsOfAFormat(const std::string& extension) {
   static const std::set<std::string> kFormats = {
-      ".3ds",  ".bmp", ".csv",  ".dae",  ".drc",  ".fbx", ".gif",  ".glb",
-      ".gltf", ".gz",  ".htm",  ".html", ".jpeg", ".jpg", ".json", ".mat",
-      ".msh",  ".npy", ".npz",  ".obj",  ".off",  ".pdf", ".pkl",  ".ply",
-      ".png",  ".pt",  ".py",   ".stl",  ".svg",  ".tif", ".tiff", ".toml",
-      ".vtk",  ".vtp", ".webp", ".xml",  ".yaml", ".zip"};
+      ".3ds",  ".bmp", ".csv", ".dae",  ".drc",  ".fbx",  ".gif",  ".glb",
+      ".gltf", ".gz",  ".htm", ".html", ".jpeg", ".jpg",  ".json", ".mat",
+      ".msh",  ".npy", ".npz", ".obj",  ".off",  ".pdf",  ".pkl",  ".ply",
+      ".png",  ".pt",  ".py",  ".stl",  ".svg",  ".tif",  ".tiff", ".toml",
+      ".txt",  ".vtk", ".vtp", ".webp", ".xml",  ".yaml", ".zip"};
   return kFormats.count(extension) > 0;
 }
 
