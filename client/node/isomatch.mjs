@@ -53,6 +53,11 @@ function isLost({code, details = ''}) {
       (code === grpc.status.INTERNAL && details.includes('RST_STREAM'));
 }
 
+/** Whether an error has this reason, see "Errors" in proto/README.md. */
+function reasonIs({metadata}, reason) {
+  return (metadata?.get('grpc-status-details-bin') ?? []).some((status) => status.includes(reason));
+}
+
 /** Pauses between attempts that lose the server, about ten seconds in all. */
 class Backoff {
   reset() {
@@ -186,17 +191,25 @@ export async function createJob(client, meshX, meshY, {options = {}, landmarks =
   const meshes = [encode(meshX), encode(meshY)];
   const inline = meshes[0].length + meshes[1].length + 16 * landmarks.length +
       REQUEST_OVERHEAD_BYTES <= Number(limits.maxRequestBytes);
-  const messages = [];
-  for (const [i, draco] of meshes.entries()) {
-    const source = inline ? {draco}
-                          : {digest: await upload(client, draco, Number(limits.maxChunkBytes))};
-    const vertexCount = [meshX, meshY][i].vertices.length / 3;
-    messages.push({...source, vertexOrder: 'VERTEX_ORDER_ID_ATTRIBUTE', vertexCount});
-  }
-  const {job} = await call(client, 'CreateJob', {
-    meshX: messages[0], meshY: messages[1], landmarks, options,
-    requestId: randomUUID(),  // so that a retry cannot start a second job
-    disconnectPolicy: 'DISCONNECT_POLICY_CANCEL',  // if we vanish
+  const requestId = randomUUID();  // so that a retry cannot start a second job
+  const create = async () => {
+    const messages = [];
+    for (const [i, draco] of meshes.entries()) {
+      const source = inline ? {draco}
+                            : {digest: await upload(client, draco, Number(limits.maxChunkBytes))};
+      const vertexCount = [meshX, meshY][i].vertices.length / 3;
+      messages.push({...source, vertexOrder: 'VERTEX_ORDER_ID_ATTRIBUTE', vertexCount});
+    }
+    return call(client, 'CreateJob', {
+      meshX: messages[0], meshY: messages[1], landmarks, options, requestId,
+      disconnectPolicy: 'DISCONNECT_POLICY_CANCEL',  // if we vanish
+    });
+  };
+  // A mesh may go between upload and CreateJob: another's DeleteJob took the last job that
+  // named it, or its bytes are damaged, which shows when they are read.
+  const {job} = await create().catch((error) => {
+    if (reasonIs(error, 'MESH_MISSING')) return create();
+    throw error;
   });
   return job;
 }
@@ -244,6 +257,20 @@ export async function download(client, name, part = 'RESULT_PART_MAP') {
     throw new Error(`${part} arrived damaged: SHA-256 ${sha256}, not ${header.digest.sha256}`);
   }
   return bytes;
+}
+
+/** STAGE_GEODESICS as 'geodesics'. Of a stage that this client does not know: 'working'. */
+export function labelOf(name) {
+  const [, label] = /^[A-Z]+_(\w+)$/.exec(name) ?? [, 'working'];
+  return label === 'UNSPECIFIED' ? 'starting' : label.toLowerCase().replaceAll('_', ' ');
+}
+
+/** A verdict in a line; null is that of a server that does not judge. */
+export function verdictText(verdict) {
+  const {level = '', reason, advice} = verdict ?? {};
+  const known = /^LEVEL_(GOOD|DOUBTFUL|BAD)$/.exec(level);
+  return (known ? known[1].toLowerCase() : 'unknown') + (reason ? ` (${reason})` : '') +
+      (advice ? `: ${advice}` : '');
 }
 
 /** For each vertex of X its vertex of Y, or -1 for one on no face. */

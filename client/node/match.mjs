@@ -1,14 +1,17 @@
 // node match.mjs X Y -o MAP: matches two meshes on an Isomatch server.
 
 import {readFileSync, renameSync, writeFileSync} from 'node:fs';
+import {extname} from 'node:path';
 import {parseArgs} from 'node:util';
 
-import {call, connect, createJob, decodeMap, download, watch} from './isomatch.mjs';
+import {
+  call, connect, createJob, decodeMap, download, labelOf, verdictText, watch,
+} from './isomatch.mjs';
 import {readMesh} from './mesh_file.mjs';
 
 const USAGE = `Usage: node match.mjs X Y -o MAP [options]
 
-X, Y: meshes, .off, .obj, .ply or .stl. MAP: line i has the vertex of Y for vertex i of X.
+X, Y: meshes, .off, .obj, .ply or .stl. MAP, .txt: line i has the vertex of Y for vertex i of X.
 
   --server HOST:PORT      127.0.0.1:7443 by default
   --tls-ca FILE           encrypts, and checks the server's certificate
@@ -32,17 +35,36 @@ const OPTIONS = {
   help: {type: 'boolean', short: 'h'},
 };
 
+const MOST_SEED = 2n ** 64n - 1n;
+const MOST_TIMER_SECONDS = 2147483;  // of setTimeout, which fires at once beyond
+
 class UsageError extends Error {}
+
+/** What is wrong with the options, beside what parseArgs finds. */
+function check({output, profile, 'random-seed': seed, 'cancel-after': seconds = '0'}) {
+  if (!output) throw new Error('expected -o MAP');
+  const extension = extname(output).toLowerCase();
+  if (!['', '.txt'].includes(extension)) {
+    throw new Error(`--output '${output}': the extension is '${extension}', ` +
+                    'expected .txt, or no extension');
+  }
+  if (!['default', 'paper'].includes(profile)) {
+    throw new Error(`--profile is '${profile}', expected default or paper`);
+  }
+  if (!/^\d+$/.test(seed) || BigInt(seed) > MOST_SEED) {
+    throw new Error(`--random-seed: '${seed}', expected a whole number from 0 to ${MOST_SEED}`);
+  }
+  if (!/^\d+(\.\d+)?$/.test(seconds) || Number(seconds) > MOST_TIMER_SECONDS) {
+    throw new Error(`--cancel-after: '${seconds}', expected 0 to ${MOST_TIMER_SECONDS} seconds`);
+  }
+}
 
 function parse() {
   try {
     const {values, positionals} = parseArgs({options: OPTIONS, allowPositionals: true});
     if (values.help) return values;
     if (positionals.length !== 2) throw new Error('expected two meshes, X and Y');
-    if (!values.output) throw new Error('expected -o MAP');
-    if (!['default', 'paper'].includes(values.profile)) {
-      throw new Error(`--profile is '${values.profile}', expected default or paper`);
-    }
+    check(values);
     return {...values, x: readMesh(positionals[0]), y: readMesh(positionals[1])};
   } catch (error) {
     throw new UsageError(error.message);
@@ -55,7 +77,8 @@ async function follow(client, name) {
   for await (job of watch(client, name)) {
     if (!process.stderr.isTTY) continue;
     const percent = Math.round(100 * job.progress.totalFraction);
-    process.stderr.write(`\r\x1b[K${percent} %  ${job.progress.stage}`);
+    const label = job.state === 'STATE_RUNNING' ? job.progress.stage : job.state;
+    process.stderr.write(`\r\x1b[K${percent} %  ${labelOf(label)}`);
   }
   if (process.stderr.isTTY) process.stderr.write('\n');
   return job;
@@ -83,9 +106,8 @@ async function main() {
     writeFileSync(`${args.output}.part`, map.join('\n') + '\n');
     renameSync(`${args.output}.part`, args.output);
     console.error(`${map.length} vertices matched, written to ${args.output}`);
-    const {level, reason, advice} = job.result.verdict;
-    console.error(`verdict: ${level.replace('LEVEL_', '').toLowerCase()} (${reason})` +
-                  (advice && `: ${advice}`));
+    for (const warning of job.result.warnings) console.error(`warning: ${warning}`);
+    console.error(`verdict: ${verdictText(job.result.verdict)}`);
   } else {
     console.error(job.error ? `${job.error.message} (${job.error.reason})` : 'cancelled');
     process.exitCode = job.error ? 1 : 130;

@@ -8,94 +8,195 @@ const PLY_SIZES = {
   int: 4, uint: 4, int32: 4, uint32: 4, float: 4, float32: 4, double: 8, float64: 8,
 };
 
-const wordsOf = (line) => line.replace(/#.*/, '').split(/\s+/).filter(Boolean);
-const linesOf = (text) => text.split('\n').map(wordsOf).filter((words) => words.length > 0);
+// Number() and parseInt() take much that is none: '0x10', '', '2abc'.
+const NUMBER = /^[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?$/i;
+const WHOLE = /^[+-]?\d+$/;
 
-function readOff(bytes) {
-  const [header, ...rest] = linesOf(bytes.toString());
-  if (header?.[0] !== 'OFF') throw new Error('it does not begin with OFF');
-  const [n, m] = (header.length > 1 ? header.slice(1) : rest.shift()).map(Number);
-  return {vertices: rest.slice(0, n), faces: rest.slice(n, n + m).map(cornersAfterCount)};
+function coordinate(word = '') {
+  if (!NUMBER.test(word)) throw new Error(`a coordinate is '${word}', expected a finite number`);
+  return Number(word);
 }
 
-const cornersAfterCount = (row) => row.slice(1, 1 + Number(row[0])).map(Number);
+function whole(word = '') {
+  if (!WHOLE.test(word)) throw new Error(`'${word}' where a whole number is expected`);
+  return Number(word);
+}
 
-/** The statements of an OBJ file: a line that ends with a backslash goes on in the next. */
-function objStatements(text) {
-  const uncommented = text.replaceAll(/#.*/g, '');
-  return linesOf(uncommented.replaceAll(/\\[ \t]*\r?\n/g, ' '));
+const place = (words) => [0, 1, 2].map((axis) => coordinate(words[axis]));
+
+const wordsOf = (line) => line.replace(/#.*/, '').split(/\s+/).filter(Boolean);
+
+/** The lines of a text; `line` is the number of the last one that was taken. */
+class Lines {
+  constructor(text, line = 0) {
+    this.rows = text.replace(/\n$/, '').split('\n');
+    this.line = line;
+  }
+  /** The words of the next line, without a comment; none after the last. */
+  row() {
+    return wordsOf(this.rows[this.line++] ?? '');
+  }
+  /** Of the next line that has some. */
+  next() {
+    while (this.line < this.rows.length) {
+      const words = this.row();
+      if (words.length > 0) return words;
+    }
+    throw new Error('the file ends');
+  }
+}
+
+/** What `read` makes of the lines; what is wrong there is told with its line. */
+function readLines(lines, read) {
+  try {
+    return read(lines);
+  } catch (error) {
+    throw new Error(`line ${lines.line}: ${error.message}`);
+  }
+}
+
+/** As many items as a header announced; what is wrong is told with its number. */
+function items(kind, count, read) {
+  return Array.from({length: count}, (_, i) => {
+    try {
+      return read();
+    } catch (error) {
+      throw new Error(`${kind} ${i} (0-based) of ${count}: ${error.message}`);
+    }
+  });
+}
+
+function cornersAfterCount([count, ...words]) {
+  const corners = words.slice(0, whole(count)).map(whole);
+  if (corners.length === Number(count)) return corners;
+  throw new Error(`it has ${corners.length} corners, expected ${count}`);
+}
+
+function readOffLines(lines) {
+  const [magic, ...counts] = lines.next();
+  if (magic !== 'OFF') throw new Error(`it begins with '${magic}', expected OFF`);
+  const [n, m] = counts.length > 0 ? counts : lines.next();
+  const vertices = items('vertex', whole(n), () => place(lines.next()));
+  return {vertices, faces: items('face', whole(m), () => cornersAfterCount(lines.next()))};
+}
+
+/** The words of a statement: a line that ends with a backslash goes on in the next. */
+function objStatement(lines) {
+  const words = lines.row();
+  while (words.at(-1)?.endsWith('\\')) {
+    words.push(words.pop().slice(0, -1), ...lines.row());
+  }
+  return words.filter(Boolean);
+}
+
+/** Of V, V/VT, V//VN or V/VT/VN, from 1, or from the last vertex back; there is no 0. */
+function objCorner(word, vertices) {
+  const [v, ...others] = word.split('/');
+  const isCorner = WHOLE.test(v) && others.length <= 2 &&
+      others.every((other) => other === '' || WHOLE.test(other));
+  const number = Number(v);
+  if (!isCorner || number === 0 || number < -vertices) {
+    throw new Error(`a face's corner is '${word}', expected V, V/VT, V//VN or V/VT/VN with ` +
+                    `V from 1, or from ${-vertices} to -1 to count back`);
+  }
+  return number > 0 ? number - 1 : vertices + number;
 }
 
 /** Points and lines, which are no part of the surface, are passed over. */
-function readObj(bytes) {
+function readObjLines(lines) {
   const vertices = [];
   const faces = [];
-  for (const [keyword, ...words] of objStatements(bytes.toString())) {
-    if (keyword === 'v') vertices.push(words);
-    if (keyword !== 'f') continue;
-    const numbers = words.map((word) => parseInt(word, 10));
-    // From 1, or from the last one back; there is no 0.
-    faces.push(numbers.map((i) => i > 0 ? i - 1 : i < 0 ? vertices.length + i : NaN));
+  while (lines.line < lines.rows.length) {
+    const [keyword, ...words] = objStatement(lines);
+    if (keyword === 'v') vertices.push(place(words));
+    if (keyword === 'f') faces.push(words.map((word) => objCorner(word, vertices.length)));
   }
   return {vertices, faces};
 }
+
+const readOff = (bytes) => readLines(new Lines(bytes.toString()), readOffLines);
+const readObj = (bytes) => readLines(new Lines(bytes.toString()), readObjLines);
 
 /** The elements of a PLY header: [{name, count, properties}, ...]. */
 function plyElements(lines) {
   const elements = [];
   for (const [keyword, ...words] of lines) {
     if (keyword === 'element') {
-      elements.push({name: words[0], count: Number(words[1]), properties: []});
+      elements.push({name: words[0], count: whole(words[1]), properties: []});
     } else if (keyword === 'property') {
       const list = words[0] === 'list';
-      elements.at(-1).properties.push(
-          list ? {name: words[3], type: words[2], length: words[1]}
-               : {name: words[1], type: words[0]});
+      const property = list ? {name: words[3], type: words[2], length: words[1]}
+                            : {name: words[1], type: words[0]};
+      for (const type of [property.type, property.length ?? 'int']) {
+        if (!PLY_SIZES[type]) throw new Error(`property ${property.name} is of type ${type}`);
+      }
+      elements.at(-1).properties.push(property);
     }
   }
   return elements;
 }
 
+/** Returns a function that gives the next number of a text. */
+function plyWords(lines) {
+  let words = [];
+  return () => {
+    if (words.length === 0) words = lines.next().reverse();
+    const word = words.pop();
+    return /^[+-]?(nan|inf)/i.test(word) ? NaN : coordinate(word);  // NaN: of normals
+  };
+}
+
 /** Returns a function that gives the next number of a type. */
-function plyNumbers(body, format) {
-  if (format === 'ascii') {
-    const words = body.toString().split(/\s+/).filter(Boolean).values();
-    return () => Number(words.next().value);
-  }
-  const little = format === 'binary_little_endian';
+function plyNumbers(body, little) {
   const view = new DataView(body.buffer, body.byteOffset, body.byteLength);
   let at = 0;
   return (type) => {
-    const bits = 8 * PLY_SIZES[type];
+    const size = PLY_SIZES[type];
+    if (at + size > body.byteLength) throw new Error('the file ends');
     const kind = /^(float|double)/.test(type) ? 'Float' : /^u/.test(type) ? 'Uint' : 'Int';
-    const value = view[`get${kind}${bits}`](at, little);
-    at += PLY_SIZES[type];
+    const value = view[`get${kind}${8 * size}`](at, little);
+    at += size;
     return value;
+  };
+}
+
+function plyRow(properties, next) {
+  const row = {};
+  for (const {name, type, length} of properties) {
+    const count = length ? next(length) : 1;
+    if (!(count >= 0 && Number.isInteger(count))) throw new Error(`${name} has ${count} entries`);
+    const values = Array.from({length: count}, () => next(type));
+    row[name] = length ? values : values[0];
+  }
+  return row;
+}
+
+function plyMesh(elements, next) {
+  const rows = {};
+  for (const {name, count, properties} of elements) {
+    rows[name] = items(name, count, () => plyRow(properties, next));
+  }
+  const {vertex = [], face = []} = rows;
+  return {
+    vertices: vertex.map(({x, y, z}) => [x, y, z]),
+    faces: face.map((row) => row.vertex_indices ?? row.vertex_index ?? []),
   };
 }
 
 function readPly(bytes) {
   const end = bytes.indexOf('\n', bytes.indexOf('end_header'));
   const header = bytes.subarray(0, end).toString().split('\n').map(wordsOf);
-  if (header[0]?.[0] !== 'ply') throw new Error('it does not begin with ply');
-  const format = header.find(([keyword]) => keyword === 'format')[1];
-  const next = plyNumbers(bytes.subarray(end + 1), format);
-  const rows = {vertex: [], face: []};
-  for (const {name, count, properties} of plyElements(header)) {
-    for (let i = 0; i < count; ++i) {
-      const row = {};
-      for (const property of properties) {
-        row[property.name] = property.length
-            ? Array.from({length: next(property.length)}, () => next(property.type))
-            : next(property.type);
-      }
-      rows[name]?.push(row);
-    }
+  if (header[0][0] !== 'ply' || header.at(-1)[0] !== 'end_header') {
+    throw new Error('it has no PLY header, expected `ply` to `end_header`');
   }
-  return {
-    vertices: rows.vertex.map(({x, y, z}) => [x, y, z]),
-    faces: rows.face.map((row) => row.vertex_indices ?? row.vertex_index),
-  };
+  const elements = plyElements(header);
+  const format = header.find(([keyword]) => keyword === 'format')?.[1];
+  if (format === 'ascii') {
+    const lines = new Lines(bytes.toString(), header.length);
+    return readLines(lines, () => plyMesh(elements, plyWords(lines)));
+  }
+  if (!/^binary_(little|big)_endian$/.test(format)) throw new Error(`its format is ${format}`);
+  return plyMesh(elements, plyNumbers(bytes.subarray(end + 1), /little/.test(format)));
 }
 
 const STL_HEADER_BYTES = 84;
@@ -113,12 +214,13 @@ function binaryStlCorners(bytes, facets) {
   return corners;
 }
 
-function asciiStlCorners(text) {
+function asciiStlCorners(lines) {
   const corners = [];
   let facets = 0;
   let ended = false;
-  for (const [keyword, ...words] of text.split('\n').map((line) => line.trim().split(/\s+/))) {
-    if (keyword === 'vertex') corners.push(words.slice(0, 3).map(Number));
+  while (lines.line < lines.rows.length) {
+    const [keyword, ...words] = lines.row();
+    if (keyword === 'vertex') corners.push(place(words));
     if (keyword === 'endsolid') ended = true;
     if (keyword === 'endfacet' && corners.length !== 3 * ++facets) {
       throw new Error(`facet ${facets - 1} has not three corners`);
@@ -140,7 +242,8 @@ function readStl(bytes) {
   if (!isBinary && (bytes.includes(0) || !bytes.toString().trimStart().startsWith('solid'))) {
     throw new Error(`${bytes.length} bytes, expected ${size} for ${facets} facets`);
   }
-  const corners = isBinary ? binaryStlCorners(bytes, facets) : asciiStlCorners(bytes.toString());
+  const corners = isBinary ? binaryStlCorners(bytes, facets)
+                           : readLines(new Lines(bytes.toString()), asciiStlCorners);
   const vertices = [];
   const numbers = new Map();
   const corner = (place) => {
@@ -164,16 +267,17 @@ export function readMesh(path) {
   if (!reader) throw new Error(`${path}: expected an .off, .obj, .ply or .stl file`);
   try {
     const {vertices, faces} = reader(readFileSync(path));
-    const wrong = faces.findIndex(
-        (face) => face.length !== 3 || face.some((i) => !(i >= 0 && i < vertices.length)));
+    if (faces.length === 0) throw new Error('it has no faces');
+    const wrong = faces.findIndex((face) => face.length !== 3 || face.some((i) => !vertices[i]));
     if (wrong >= 0) {
       throw new Error(`face ${wrong} is [${faces[wrong]}], expected three of the vertices ` +
                       `0 to ${vertices.length - 1}`);
     }
-    const positions = Float64Array.from(vertices.flatMap((row) => row.slice(0, 3).map(Number)));
-    if (positions.length !== 3 * vertices.length || !positions.every((x) => Number.isFinite(Math.fround(x)))) {
-      throw new Error('a vertex is not three numbers');
+    const bad = vertices.findIndex((xyz) => !xyz.every((x) => Number.isFinite(Math.fround(x))));
+    if (bad >= 0) {
+      throw new Error(`vertex ${bad} is [${vertices[bad]}], expected numbers of single precision`);
     }
+    const positions = Float64Array.from(vertices.flat());
     return {vertices: positions, faces: Uint32Array.from(faces.flat())};
   } catch (error) {
     throw new Error(`${path}: ${error.message}`);
