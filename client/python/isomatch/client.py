@@ -142,7 +142,7 @@ class Client:
 
         InvalidInput, with `field`: something is wrong. ResourceExhausted: the
         queue is full, see `retry_after`. FailedPrecondition: it needs more memory
-        than the server has, or an uploaded mesh is gone (MESH_MISSING).
+        than the server has, or a mesh that `upload` brought is gone (MESH_MISSING).
         """
         request = _requests.create_job(
             landmarks=landmarks,
@@ -159,11 +159,10 @@ class Client:
             run_timeout=run_timeout,
             cancel_when_unwatched=cancel_when_unwatched,
         )
-        self._add_meshes(request, x, y)
+        uploaded = self._add_meshes(request, x, y)
         # With it a retry cannot start a second job.
         request.request_id = str(uuid.uuid4())
-        response = self._transport.call(self._transport.rpcs.CreateJob, request)
-        return Job(self._transport, status.job_status(response.job))
+        return Job(self._transport, status.job_status(self._create(request, uploaded)))
 
     def job(self, name: str) -> Job:
         """A job by its name, "jobs/..."; NotFound when the server has none."""
@@ -197,8 +196,26 @@ class Client:
             self._known_limits = self.info().limits
         return self._known_limits
 
-    def _add_meshes(self, request: Any, x: MeshLike, y: MeshLike) -> None:
-        """Inside the request if both fit, else by digest, the missing uploaded."""
+    def _create(self, request: Any, uploaded: list[_draco.EncodedMesh]) -> Any:
+        """A mesh may go between its upload and CreateJob: another client deletes the last
+        job that named it, or its bytes are damaged, which shows when they are read. What
+        we hold is brought once more."""
+        rpc = self._transport.rpcs.CreateJob
+        try:
+            return self._transport.call(rpc, request).job
+        except FailedPrecondition as error:
+            if error.reason != "MESH_MISSING" or not uploaded:
+                raise
+        for mesh in uploaded:
+            self._upload(mesh)
+        return self._transport.call(rpc, request).job
+
+    def _add_meshes(
+        self, request: Any, x: MeshLike, y: MeshLike
+    ) -> list[_draco.EncodedMesh]:
+        """Inside the request if both fit, else by digest, the missing uploaded: these are
+        returned."""
+        uploaded: list[_draco.EncodedMesh] = []
         meshes: list[UploadedMesh | _draco.EncodedMesh] = []
         for value, field in ((x, "x"), (y, "y")):
             if isinstance(value, UploadedMesh):
@@ -213,8 +230,10 @@ class Client:
         inline = size + _requests.OVERHEAD_BYTES <= self._limits().max_request_bytes
         for mesh, message in zip(meshes, (request.mesh_x, request.mesh_y)):
             if isinstance(mesh, _draco.EncodedMesh) and not inline:
+                uploaded.append(mesh)
                 mesh = self._upload(mesh)
             _requests.set_mesh(message, mesh)
+        return uploaded
 
     def _upload(self, mesh: _draco.EncodedMesh) -> UploadedMesh:
         digest = _messages.Digest(

@@ -88,8 +88,9 @@ class Verdict:
     advice: str
 
     def __str__(self) -> str:
+        reason = f" ({self.reason})" if self.reason else ""
         advice = f": {self.advice}" if self.advice else ""
-        return f"{self.level} ({self.reason}){advice}"
+        return self.level + reason + advice
 
 
 @dataclass(frozen=True)
@@ -136,6 +137,18 @@ class ResultInfo:
 
 
 @dataclass(frozen=True)
+class JobRun:
+    """timeout: what the job may run, as asked for, or what the server's max_run_time
+    cut that to; None for no limit. faults: how often it took the server down, or was
+    asked to stop and did not; with the third it fails. unresponsive: it was asked to
+    stop and did not, so that its worker was given up."""
+
+    timeout: datetime.timedelta | None
+    faults: int
+    unresponsive: bool
+
+
+@dataclass(frozen=True)
 class JobStatus:
     """One snapshot of a job.
 
@@ -159,6 +172,7 @@ class JobStatus:
     priority: int
     tenant: str
     labels: Mapping[str, str]
+    run: JobRun
     create_time: datetime.datetime | None
     start_time: datetime.datetime | None
     end_time: datetime.datetime | None
@@ -204,7 +218,8 @@ class Limits:
 @dataclass(frozen=True)
 class ServerInfo:
     """draining: it stops and takes no new jobs. durable: jobs and results
-    survive the end of the server. tenant: whose key the call came with."""
+    survive the end of the server. tenant: whose key the call came with.
+    max_run_time: what a job may run, whatever its run_timeout; None for no limit."""
 
     version: str
     limits: Limits
@@ -218,6 +233,7 @@ class ServerInfo:
     durable: bool
     job_retention: datetime.timedelta
     tenant: str
+    max_run_time: datetime.timedelta | None
 
 
 def _as(target: type[_T], message: Any, **given: Any) -> _T:
@@ -242,6 +258,13 @@ def _time(message: Any, field: str) -> datetime.datetime | None:
         return None
     time: datetime.datetime = getattr(message, field).ToDatetime(datetime.timezone.utc)
     return time
+
+
+def _duration(message: Any, field: str) -> datetime.timedelta | None:
+    if not message.HasField(field):
+        return None
+    duration: datetime.timedelta = getattr(message, field).ToTimedelta()
+    return duration
 
 
 def _mesh_summary(message: Any) -> MeshSummary:
@@ -310,6 +333,7 @@ def job_status(job: Any) -> JobStatus:
         total_fraction=job.progress.total_fraction,
         waiting_for=_waiting_for(job),
         labels=dict(job.labels),
+        run=_as(JobRun, job.run, timeout=_duration(job.run, "timeout")),
         create_time=_time(job, "create_time"),
         start_time=_time(job, "start_time"),
         end_time=_time(job, "end_time"),
@@ -325,4 +349,5 @@ def server_info(message: Any) -> ServerInfo:
         message,
         limits=_as(Limits, message.limits),
         job_retention=message.job_retention.ToTimedelta(),
+        max_run_time=_duration(message, "max_run_time"),
     )

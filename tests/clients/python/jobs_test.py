@@ -1,6 +1,7 @@
 """Client and Job: jobs that are started, watched, cancelled and fetched apart."""
 
 import asyncio
+import datetime
 import hashlib
 import os
 import signal
@@ -11,6 +12,7 @@ import time
 import unittest
 from unittest import mock
 
+import forwarding_server
 import resetting_server
 import support
 
@@ -197,6 +199,33 @@ class JobsTest(unittest.TestCase):
         self.assertEqual(
             support.as_map_file(job.result().y_from_x), support.map_of_command_line(x, y)
         )
+
+    def test_a_mesh_that_went_after_its_upload_is_brought_again(self):
+        x, y = support.sample("C", 800), support.pair()[1]
+        with forwarding_server.ForwardingServer(self.server.address) as between:
+            between.take_only_small_requests()
+            requests = between.lose_meshes_before_the_first_job(self.client)
+            with isomatch.Client(between.address) as client:
+                job = client.submit(x, y)
+                self.assertEqual(len(requests), 2)
+                self.assertEqual(*requests)
+                # What only the caller holds stays an error.
+                named = client.upload(x)
+                list(job.watch())
+                job.delete()
+                requests.clear()
+                between.before["CreateJob"] = requests.append
+                with self.assertRaises(isomatch.FailedPrecondition) as caught:
+                    client.submit(named, named)
+                self.assertEqual(caught.exception.reason, "MESH_MISSING")
+                self.assertEqual(len(requests), 1)
+
+    def test_the_limits_of_a_run_are_told(self):
+        hour = datetime.timedelta(hours=1)
+        self.assertEqual(self.client.info().max_run_time, hour)
+        for asked, held in ((None, hour), (90, datetime.timedelta(seconds=90)), (7200, hour)):
+            run = self.client.submit(*support.pair(), run_timeout=asked).status.run
+            self.assertEqual((run.timeout, run.faults, run.unresponsive), (held, 0, False))
 
     def test_an_upload_that_broke_off_goes_on(self):
         vertices, faces = isomatch.read_mesh(support.sample("C", 1000))
