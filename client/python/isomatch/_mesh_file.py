@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 import os
 import pathlib
-from collections.abc import Iterator
+import re
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from isomatch._lines import Lines, coordinate, items, place, read_lines, whole
 from isomatch._stl_file import read_stl
 from isomatch._triangulation import triangulate
 from isomatch.errors import InvalidInput
@@ -24,62 +26,72 @@ _PLY_TYPES = {
 }  # fmt: skip
 
 
-def _content_lines(text: str) -> Iterator[list[str]]:
-    """The words of each line that has some, without comments."""
-    for line in text.splitlines():
-        words = line.partition("#")[0].split()
-        if words:
-            yield words
+def _off_polygon(words: list[str]) -> list[int]:
+    """After the number of corners; colours may follow."""
+    corners = [whole(word) for word in words[1 : 1 + max(0, whole(words[0]))]]
+    if len(corners) < 3 or len(corners) != int(words[0]):
+        raise ValueError(f"it has {len(corners)} corners of {words[0]}, expected 3 or more")
+    return corners
+
+
+def _read_off_lines(lines: Lines) -> Arrays:
+    header = lines.next()
+    if header[0] != "OFF":
+        raise ValueError(f"it begins with '{header[0]}', expected OFF")
+    counts = header[1:] or lines.next()
+    if len(counts) < 2:
+        raise ValueError(f"{len(counts)} counts, expected those of vertices and faces")
+    n, m = whole(counts[0]), whole(counts[1])
+    vertices = np.array(items("vertex", n, lambda: place(lines.next()))).reshape(-1, 3)
+    return vertices, triangulate(items("face", m, lambda: _off_polygon(lines.next())), vertices)
 
 
 def _read_off(data: bytes) -> Arrays:
-    lines = _content_lines(data.decode("utf-8", "replace"))
-    header = next(lines, [""])
-    if header[0] != "OFF":
-        raise ValueError(f"it begins with '{header[0]}', expected OFF")
-    counts = header[1:] or next(lines)
-    n, m = int(counts[0]), int(counts[1])
-    rows = list(lines)
-    if len(rows) < n + m:
-        raise ValueError(f"{len(rows)} lines, expected {n} vertices and {m} faces")
-    vertices = np.array([row[:3] for row in rows[:n]], dtype=np.float64)
-    faces = ([int(w) for w in row[1 : 1 + int(row[0])]] for row in rows[n : n + m])
-    return vertices.reshape(-1, 3), triangulate(faces, vertices)
+    return read_lines(Lines(data), _read_off_lines)
 
 
-def _obj_statements(text: str) -> Iterator[list[str]]:
-    """As _content_lines; a line that ends with a backslash goes on in the next."""
-    begun: list[str] = []
-    for line in text.splitlines():
-        content = line.partition("#")[0].rstrip()
-        begun += content.removesuffix("\\").split()
-        if not content.endswith("\\"):
-            if begun:
-                yield begun
-            begun = []
-    if begun:
-        yield begun
+def _obj_statement(lines: Lines) -> list[str] | None:
+    """The words of one; a line that ends with a backslash goes on in the next. None at
+    the end."""
+    words = lines.row()
+    while words and words[-1].endswith("\\"):
+        words += [words.pop()[:-1], *(lines.row() or [""])]
+    return words and [word for word in words if word]
+
+
+# V, V/VT, V//VN or V/VT/VN.
+_OBJ_CORNER = re.compile(r"([+-]?\d+)(/([+-]?\d+)?){0,2}", re.ASCII)
 
 
 def _obj_corner(word: str, vertices: int) -> int:
-    """Of V, V/VT, V//VN or V/VT/VN, numbered from 1, or from the end when negative."""
-    number = int(word.partition("/")[0])
+    """Numbered from 1, or from the end when negative."""
+    found = _OBJ_CORNER.fullmatch(word)
+    number = int(found.group(1)) if found else 0
     if number == 0 or number < -vertices:
-        raise ValueError(f"a face names vertex {number}, expected from 1, or -{vertices} on")
+        raise ValueError(
+            f"a face's corner is '{word}', expected V, V/VT, V//VN or V/VT/VN with V from "
+            f"1, or from {-vertices} to -1 to count back"
+        )
     return number - 1 if number > 0 else vertices + number
 
 
-def _read_obj(data: bytes) -> Arrays:
+def _read_obj_lines(lines: Lines) -> Arrays:
     """Points and lines, which are no part of the surface, are passed over."""
-    vertices: list[list[str]] = []
+    vertices: list[list[float]] = []
     polygons: list[list[int]] = []
-    for words in _obj_statements(data.decode("utf-8", "replace")):
-        if words[0] == "v":
-            vertices.append(words[1:4])
-        elif words[0] == "f":
+    while (words := _obj_statement(lines)) is not None:
+        if words[:1] == ["v"]:
+            vertices.append(place(words[1:]))
+        elif words[:1] == ["f"]:
+            if len(words) < 4:
+                raise ValueError(f"a face has {len(words) - 1} corners, expected 3 or more")
             polygons.append([_obj_corner(word, len(vertices)) for word in words[1:]])
     positions = np.array(vertices, dtype=np.float64).reshape(-1, 3)
     return positions, triangulate(polygons, positions)
+
+
+def _read_obj(data: bytes) -> Arrays:
+    return read_lines(Lines(data), _read_obj_lines)
 
 
 class _PlyElement:
@@ -105,7 +117,7 @@ def _ply_header(text: str) -> tuple[str, list[_PlyElement]]:
         if words[:1] == ["format"]:
             form = words[1]
         elif words[:1] == ["element"]:
-            elements.append(_PlyElement(words[1], int(words[2])))
+            elements.append(_PlyElement(words[1], whole(words[2])))
         elif words[:2] == ["property", "list"]:
             length, entry = _PLY_TYPES[words[2]], _PLY_TYPES[words[3]]
             elements[-1].properties.append((words[4], entry, length))
@@ -117,17 +129,26 @@ def _ply_header(text: str) -> tuple[str, list[_PlyElement]]:
 Rows = list[list[list[float]]]
 
 
-def _ascii_rows(element: _PlyElement, lines: Iterator[list[str]]) -> Rows:
-    """For each row the values of each property."""
-    rows: Rows = []
-    for _ in range(element.count):
-        words = iter(next(lines))
-        row = []
-        for _, _, length in element.properties:
-            size = 1 if length is None else int(next(words))
-            row.append([float(next(words)) for _ in range(size)])
-        rows.append(row)
-    return rows
+def _ascii_row(element: _PlyElement, line: list[str]) -> list[list[float]]:
+    """The values of each property."""
+    words = iter(line)
+
+    def number() -> float:
+        word = next(words, "")
+        # Of normals.
+        return math.nan if word.lower().strip("+-")[:3] in ("nan", "inf") else coordinate(word)
+
+    row = []
+    for name, _, length in element.properties:
+        size = 1 if length is None else whole(next(words, ""))
+        if size < 0:
+            raise ValueError(f"{name} has {size} entries")
+        row.append([number() for _ in range(size)])
+    return row
+
+
+def _ascii_rows(element: _PlyElement, lines: Lines) -> Rows:
+    return items(element.name, element.count, lambda: _ascii_row(element, lines.next()))
 
 
 class _Binary:
@@ -137,6 +158,8 @@ class _Binary:
         self.offset = 0
 
     def take(self, dtype: np.dtype[Any], count: int) -> NDArray[Any]:
+        if count < 0:  # to numpy all that is left
+            raise ValueError(f"a list has {count} entries")
         values: NDArray[Any] = np.frombuffer(self.data, dtype, count, self.offset)
         self.offset += values.nbytes
         return values
@@ -172,7 +195,7 @@ class _Binary:
         return rows
 
 
-def _columns(element: _PlyElement, source: _Binary | Iterator[list[str]]) -> list[Any]:
+def _columns(element: _PlyElement, source: _Binary | Lines) -> list[Any]:
     """Of each property its values, row by row: scalars as rows of one."""
     if isinstance(source, _Binary):
         # Nearly every file has triangles only, and so rows of one size.
@@ -181,8 +204,15 @@ def _columns(element: _PlyElement, source: _Binary | Iterator[list[str]]) -> lis
             return [table[f"v{i}"] for i in range(len(element.properties))]
         rows = source.rows(element)
     else:
-        rows = _ascii_rows(element, source)
+        rows = read_lines(source, lambda lines: _ascii_rows(element, lines))
     return [list(column) for column in zip(*rows)]
+
+
+def _corners(values: list[float]) -> list[int]:
+    corners = [int(value) for value in values]
+    if corners != values:
+        raise ValueError(f"a face is {values}, expected whole numbers")
+    return corners
 
 
 def _read_ply(data: bytes) -> Arrays:
@@ -191,9 +221,9 @@ def _read_ply(data: bytes) -> Arrays:
         raise ValueError("it has no PLY header, expected `ply` to `end_header`")
     form, elements = _ply_header(head.decode("ascii", "replace"))
     rest = rest[rest.index(b"\n") + 1 :]
-    source: _Binary | Iterator[list[str]]
+    source: _Binary | Lines
     if form == "ascii":
-        source = _content_lines(rest.decode("ascii", "replace"))
+        source = Lines(rest, head.count(b"\n") + 1)
     else:
         source = _Binary(rest, {"binary_little_endian": "<", "binary_big_endian": ">"}[form])
     vertices = np.empty((0, 3))
@@ -207,8 +237,10 @@ def _read_ply(data: bytes) -> Arrays:
             polygons = columns[element.index("vertex_indices", "vertex_index")]
             if isinstance(polygons, np.ndarray):
                 faces = polygons.astype(np.int64)
+                if not (faces == polygons).all():
+                    raise ValueError("a corner is no whole number")
             else:
-                faces = triangulate([[int(c) for c in p] for p in polygons], vertices)
+                faces = triangulate([_corners(p) for p in polygons], vertices)
     return vertices, faces
 
 
@@ -229,6 +261,6 @@ def read_mesh(path: str | os.PathLike[str], field: str) -> Arrays:
     else:
         try:
             return reader(file.read_bytes())
-        except (ValueError, KeyError, IndexError, StopIteration, OverflowError) as error:
+        except (ValueError, KeyError, IndexError, OverflowError) as error:
             message = f"not a mesh that can be read to its end: {error}"
     raise InvalidInput(f"{field}: '{path}': {message}", reason="INVALID_FIELD", field=field)

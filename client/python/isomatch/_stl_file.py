@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from isomatch._lines import Lines, place, read_lines
+
 _HEADER_BYTES = 84
 _FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
@@ -24,18 +26,18 @@ def _join(corners: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np
     return corners[first_uses[by_use]], vertex.reshape(-1, 3)
 
 
-def _ascii_corners(data: bytes) -> list[list[float]]:
+def _ascii_corners(lines: Lines) -> list[list[float]]:
     corners: list[list[float]] = []
     facets = 0
     ended = False
-    for words in map(bytes.split, data.splitlines()):
-        if words[:1] == [b"vertex"]:
-            corners.append([float(word) for word in words[1:4]])
-        elif words[:1] == [b"endfacet"]:
+    while (words := lines.row()) is not None:
+        if words[:1] == ["vertex"]:
+            corners.append(place(words[1:]))
+        elif words[:1] == ["endfacet"]:
             facets += 1
             if len(corners) != 3 * facets:
                 raise ValueError(f"facet {facets - 1} has not three corners")
-        elif words[:1] == [b"endsolid"]:
+        elif words[:1] == ["endsolid"]:
             ended = True
     if not ended or len(corners) != 3 * facets:
         raise ValueError("it ends within a solid, expected `endsolid`")
@@ -56,4 +58,5 @@ def read_stl(data: bytes) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         return _join(table["corners"].reshape(-1, 3).astype(np.float64))
     if b"\0" in data or not data.lstrip().startswith(b"solid"):
         raise ValueError(f"{len(data)} bytes, expected {size} for {facets} facets")
-    return _join(np.array(_ascii_corners(data), dtype=np.float64).reshape(-1, 3))
+    corners = read_lines(Lines(data), _ascii_corners)
+    return _join(np.array(corners, dtype=np.float64).reshape(-1, 3))
