@@ -11,7 +11,7 @@ import {readMesh} from './mesh_file.mjs';
 
 const USAGE = `Usage: node match.mjs X Y -o MAP [options]
 
-X, Y: meshes, .off, .obj, .ply or .stl. MAP, .txt: line i has the vertex of Y for vertex i of X.
+X, Y: meshes, .off, .obj, .ply or .stl. MAP: text, line i has the vertex of Y for vertex i of X.
 
   --server HOST:PORT      127.0.0.1:7443 by default
   --tls-ca FILE           encrypts, and checks the server's certificate
@@ -38,13 +38,19 @@ const OPTIONS = {
 const MOST_SEED = 2n ** 64n - 1n;
 const MOST_TIMER_SECONDS = 2147483;  // of setTimeout, which fires at once beyond
 
+// Names under which other programs expect other contents.
+const OTHER_FORMATS = new Set((
+  '.3ds .bmp .csv .dae .drc .fbx .gif .glb .gltf .gz .htm .html .jpeg .jpg .json .mat .msh .npy ' +
+  '.npz .obj .off .pdf .pkl .ply .png .pt .py .stl .svg .tif .tiff .toml .vtk .vtp .webp .xml ' +
+  '.yaml .zip').split(' '));
+
 class UsageError extends Error {}
 
 /** What is wrong with the options, beside what parseArgs finds. */
 function check({output, profile, 'random-seed': seed, 'cancel-after': seconds = '0'}) {
   if (!output) throw new Error('expected -o MAP');
   const extension = extname(output).toLowerCase();
-  if (!['', '.txt'].includes(extension)) {
+  if (OTHER_FORMATS.has(extension)) {
     throw new Error(`--output '${output}': the extension is '${extension}', ` +
                     'expected .txt, or no extension');
   }
