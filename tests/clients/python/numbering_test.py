@@ -1,8 +1,10 @@
-"""What proto/README.md says of the numbers of vertices: its programs, compiled and run
-as they stand there, Draco's own tools, and the warning of the server."""
+"""What proto/README.md says of the numbers of vertices and of their coordinates: its
+programs, compiled and run as they stand there, Draco's own tools, and the warnings of the
+server."""
 
 import os
 import pathlib
+import re
 import subprocess
 import unittest
 
@@ -24,7 +26,7 @@ int main(int, char** argv) {
   std::ifstream in(argv[1]);
   std::size_t n = 0, m = 0;
   in >> n >> m;
-  std::vector<std::array<float, 3>> vertices(n);
+  std::vector<std::array<double, 3>> vertices(n);
   std::vector<std::array<std::uint32_t, 3>> faces(m);
   for (auto& vertex : vertices) in >> vertex[0] >> vertex[1] >> vertex[2];
   for (auto& face : faces) in >> face[0] >> face[1] >> face[2];
@@ -34,10 +36,14 @@ int main(int, char** argv) {
 JS_MAIN = """
 import {readFileSync, writeFileSync} from 'node:fs';
 const [n, m, ...numbers] = readFileSync(process.argv[2], 'utf8').split(/\\s+/).map(Number);
-const vertices = Float32Array.from(numbers.slice(0, 3 * n));
+const vertices = Float64Array.from(numbers.slice(0, 3 * n));
 const faces = Uint32Array.from(numbers.slice(3 * n, 3 * n + 3 * m));
 writeFileSync(process.argv[3], encode(vertices, faces));
 """
+
+
+#: Where meshes lie: near the origin, and where single precision leaves no shape.
+PLACES = [0, 0, 0], [500000, 4500000, 120]
 
 
 def as_numbers(vertices, faces):
@@ -81,10 +87,28 @@ class NumberingTest(unittest.TestCase):
         name = transport.call(transport.rpcs.CreateJob, request).job.name
         return self.client.job(name).result()
 
+    def warnings_of(self, result):
+        """Of numbers and coordinates; a map may get others."""
+        return [text for text in result.info.warnings if text.startswith(("mesh_x:", "mesh_y:"))]
+
     def expect_own_numbers(self, result):
-        self.assertEqual(result.info.warnings, ())
+        self.assertEqual(self.warnings_of(result), [])
         right = result.y_from_x == np.arange(1000)
         self.assertGreater(right.mean(), 0.99)
+
+    def expect_order_warning(self, result):
+        said = "mesh_x: vertex_order is not set and the mesh is encoded by edgebreaker"
+        self.assertTrue(any(text.startswith(said) for text in result.info.warnings), result.info)
+
+    def test_a_mesh_that_was_rounded_is_warned_of(self):
+        far = support.write_ply(
+            support.folder() / "far.ply", self.vertices + PLACES[1], self.faces
+        )
+        result = self.match_to_itself(draco_encoder(far, "-qp", "0", "-cl", "0"), "DECODED", 0)
+        [warning] = self.warnings_of(result)
+        [manual] = re.findall(r"`(mesh_x: coordinates[^`]*)`", MANUAL.read_text())
+        for part in manual.split()[:-1]:
+            self.assertIn(part.strip("."), warning)
 
     def expect_other_numbers(self, result):
         self.assertLess((result.y_from_x == np.arange(1000)).mean(), 0.1)
@@ -93,15 +117,17 @@ class NumberingTest(unittest.TestCase):
         [text] = support.blocks(MANUAL, "Numbering", "cpp")
         folder = support.folder()
         (folder / "encode.cc").write_text(text + CPP_MAIN)
-        (folder / "numbers.txt").write_text(as_numbers(self.vertices, self.faces))
         compiler = os.environ["ISOMATCH_CXX"]
         subprocess.run(
             [compiler, "-std=c++17", "encode.cc", "-ldraco", "-o", "encode"],
             check=True, cwd=folder,
         )  # fmt: skip
-        subprocess.run([folder / "encode", "numbers.txt", "cpp.drc"], check=True, cwd=folder)
-        data = (folder / "cpp.drc").read_bytes()
-        self.expect_own_numbers(self.match_to_itself(data, "ID_ATTRIBUTE"))
+        for place in PLACES:
+            numbers = as_numbers(self.vertices + place, self.faces)
+            (folder / "numbers.txt").write_text(numbers)
+            subprocess.run([folder / "encode", "numbers.txt", "cpp.drc"], check=True, cwd=folder)
+            data = (folder / "cpp.drc").read_bytes()
+            self.expect_own_numbers(self.match_to_itself(data, "ID_ATTRIBUTE"))
 
     def test_the_program_in_javascript_keeps_the_numbers(self):
         [text] = support.blocks(MANUAL, "Numbering", "js")
@@ -109,18 +135,19 @@ class NumberingTest(unittest.TestCase):
         folder.mkdir()
         (folder / "node_modules").symlink_to(NODE_CLIENT / "node_modules")
         (folder / "encode.mjs").write_text(text + JS_MAIN)
-        (folder / "numbers.txt").write_text(as_numbers(self.vertices, self.faces))
-        subprocess.run(
-            [os.environ["ISOMATCH_NODE"], "encode.mjs", "numbers.txt", "js.drc"],
-            check=True, cwd=folder,
-        )  # fmt: skip
-        data = (folder / "js.drc").read_bytes()
-        self.expect_own_numbers(self.match_to_itself(data, "ID_ATTRIBUTE"))
+        for place in PLACES:
+            numbers = as_numbers(self.vertices + place, self.faces)
+            (folder / "numbers.txt").write_text(numbers)
+            subprocess.run(
+                [os.environ["ISOMATCH_NODE"], "encode.mjs", "numbers.txt", "js.drc"],
+                check=True, cwd=folder,
+            )  # fmt: skip
+            data = (folder / "js.drc").read_bytes()
+            self.expect_own_numbers(self.match_to_itself(data, "ID_ATTRIBUTE"))
         # What a client gets that knows nothing of this.
         result = self.match_to_itself(data, "UNSPECIFIED")
         self.expect_other_numbers(result)
-        [warning] = result.info.warnings
-        self.assertTrue(warning.startswith("mesh_x: vertex_order is not set"), warning)
+        self.expect_order_warning(result)
 
     def test_dracos_tool_keeps_the_order_of_a_ply_and_of_nothing_else(self):
         folder, mesh = support.folder(), (self.vertices, self.faces)
@@ -137,9 +164,9 @@ class NumberingTest(unittest.TestCase):
         # Its default: edgebreaker.
         result = self.match_to_itself(draco_encoder(ply, "-qp", "0"), "UNSPECIFIED")
         self.expect_other_numbers(result)
-        self.assertEqual(len(result.info.warnings), 1)
+        self.expect_order_warning(result)
         silenced = self.match_to_itself(draco_encoder(ply, "-qp", "0"), "DECODED")
-        self.assertEqual(silenced.info.warnings, ())
+        self.assertEqual(self.warnings_of(silenced), [])
 
     def test_the_number_of_vertices_tells_when_draco_joined_some(self):
         vertices = np.vstack([self.vertices, self.vertices[:1]])
