@@ -125,7 +125,8 @@ class Client:
 
         x, y: (vertices n x 3, faces m x 3), a path, a mesh of trimesh, Open3D,
           meshio or PyVista, or what `upload` returned. Coordinates travel in
-          single precision, near the origin.
+          single precision, near the origin. Vertices that lie side by side are
+          not welded; `isomatch inspect --weld` tells what would be.
         landmarks: k x 2, known matches (vertex of x, vertex of y); those that the
           rest contradicts are changed, unless landmarks_exact.
         profile: "default" or "paper". random_seed: same input and seed, same map.
