@@ -6,6 +6,7 @@ import os
 import pathlib
 import re
 import subprocess
+import sys
 import unittest
 from unittest import mock
 
@@ -42,8 +43,8 @@ for file in pathlib.Path(sys.argv[2]).glob("*.py"):
 
 
 def pythons():
-    """The Pythons of this machine that the package is for: those of pyenv, whose
-    shims in PATH need not work, and others in PATH."""
+    """The Pythons of this machine that the package is for, but the one that runs this:
+    those of pyenv, whose shims in PATH need not work, and others in PATH."""
     folders = [*pathlib.Path.home().glob(".pyenv/versions/*/bin")]
     folders += map(pathlib.Path, os.environ["PATH"].split(os.pathsep))
     found = {}
@@ -54,6 +55,7 @@ def pythons():
             version = re.fullmatch(r"python3\.(\d+)", file.name)
             if version and (3, int(version.group(1))) >= OLDEST and os.access(file, os.X_OK):
                 found.setdefault(file.name, file)
+    found.pop("python{}.{}".format(*sys.version_info), None)
     return found
 
 
@@ -74,9 +76,16 @@ class VersionsTest(unittest.TestCase):
                 if file.parent == PACKAGE and annotated:
                     self.assertTrue(future, "from __future__ import annotations")
 
-    def test_each_python_of_this_machine_imports_the_package(self):
+    def test_each_other_python_of_this_machine_imports_the_package(self):
+        """Without numpy and gRPC, which only this Python need have: that every line which
+        runs on import does so, no more."""
         found = pythons()
-        self.assertTrue(found)
+        oldest = "{}.{}".format(*OLDEST)
+        if not found:
+            self.skipTest(f"no other Python here, expected one of {oldest} or later")
+        print("imported by", ", ".join(sorted(found)))
+        if f"python{oldest}" not in found:
+            print(f"not tried: python{oldest}, the oldest that the package is for")
         for name, python in found.items():
             with self.subTest(name=name):
                 script = [python, "-c", IMPORT_ALL, PACKAGE, EXAMPLES]
