@@ -19,6 +19,15 @@ namespace {
 
 using Words = std::vector<absl::string_view>;
 
+// What some editors write before a text in UTF-8.
+constexpr absl::string_view kByteOrderMark = "\xEF\xBB\xBF";
+
+// Decimal; SimpleAtod takes hexadecimal digits too.
+bool ReadCoordinate(absl::string_view word, double* number) {
+  return absl::SimpleAtod(word, number) && std::isfinite(*number) &&
+         word.find_first_of("xX") == absl::string_view::npos;
+}
+
 // Statements that are no part of a surface's shape.
 constexpr auto kIgnored = std::to_array<absl::string_view>(
     {"vt",        "vn",     "vp",       "g",        "o",      "s",
@@ -83,9 +92,7 @@ class ObjReader {
     std::array<double, 3>& point = soup_->points.emplace_back();
     for (std::size_t axis = 0; axis < 3; ++axis) {
       const absl::string_view word = words[axis + 1];
-      if (absl::SimpleAtod(word, &point[axis]) && std::isfinite(point[axis])) {
-        continue;
-      }
+      if (ReadCoordinate(word, &point[axis])) continue;
       return absl::InvalidArgumentError(
           absl::StrCat("a coordinate is ", Cut(word),
                        ", expected `v x y z` with finite numbers"));
@@ -171,6 +178,7 @@ absl::Status ForEachObjStatement(
         read) {
   int line = 0;
   std::string joined;
+  absl::ConsumePrefix(&text, kByteOrderMark);
   while (!text.empty()) {
     absl::string_view statement = TakeLine(text);
     const int first_line = ++line;

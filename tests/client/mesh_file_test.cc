@@ -216,6 +216,15 @@ TEST_F(MeshFileTest, AFaultOfAnStlFileIsNamed) {
               Refused("triangle 1 (0-based): z of corner 1 (0-based) is nan"));
 }
 
+TEST_F(MeshFileTest, AByteOrderMarkHidesNoVertex) {
+  const auto loaded = Read("a.obj", std::string("\xEF\xBB\xBF") + kObj);
+  ASSERT_THAT(loaded, IsOk());
+  EXPECT_TRUE(loaded->warnings.empty());
+  EXPECT_EQ(loaded->mesh.num_vertices(), 6);
+  EXPECT_THAT(Error("a.obj", "v 0x10 0 0\n"),
+              Refused("line 1: a coordinate is '0x10'"));
+}
+
 // What modelling programs write beside the surface.
 TEST_F(MeshFileTest, ObjStatementsThatAreNoSurfaceAreLeftOut) {
   const absl::StatusOr<LoadedMesh> loaded =
