@@ -1,5 +1,6 @@
 // A method that does not stop when it is asked to.
 
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <utility>
@@ -9,6 +10,7 @@
 
 #include "absl/time/clock.h"
 #include "core/base/mutex.h"
+#include "server/storage/process_trace.h"
 #include "tests/server/test_server.h"
 #include "tests/support/temporary_folder.h"
 
@@ -122,6 +124,27 @@ TEST_F(UnresponsiveTest, AServerThatStopsDoesNotWaitForItAndCountsIt) {
   EXPECT_EQ(job.state(), v1::Job::STATE_SUCCEEDED);
   EXPECT_EQ(job.run().faults(), 1);
   EXPECT_TRUE(job.run().unresponsive());
+}
+
+TEST_F(UnresponsiveTest, TheTraceOfAServerExpectsWhatGrpcMayHave) {
+  const TemporaryFolder folder;
+  ServerConfig config = TestConfig();
+  config.data_dir = folder.Path("data");
+  gate_open_ = false;
+  Restart(config, GatedEngine());
+  CreateJob();
+  TraceFile file(folder.Path("data/running.json"));
+  ProcessTrace trace;
+  do {
+    absl::SleepFor(absl::Milliseconds(1));
+    trace = file.Read();
+  } while (trace.jobs.empty() || trace.jobs[0].attempt == 0);
+  // And 256 MiB for the process.
+  EXPECT_GE(trace.expected_bytes, std::int64_t{768} << 20);
+  EXPECT_GT(trace.jobs[0].resident_at_begin, 0);
+  EXPECT_FALSE(trace.jobs[0].is_stuck);
+  gate_open_ = true;
+  Restart(TestConfig());  // before its folder goes
 }
 
 TEST_F(UnresponsiveTest, WhenItTakesAllWorkersTheProcessIsToEnd) {

@@ -120,10 +120,11 @@ TEST_F(WatchJobTest, AShutdownEndsTheWatchWithTheCancelledJob) {
 TEST_F(WatchJobTest, AJobThatWantsItIsCancelledWhenItsWatcherVanishes) {
   gate_open_ = false;
   ServerConfig config = TestConfig();
-  config.unwatched_grace = absl::Milliseconds(300);
+  config.unwatched_grace = absl::Seconds(1);  // to watch it within
   Restart(config);
   v1::CreateJobRequest create = SphereJob();
   const std::string kept = CreateJob(create);
+  WaitForMatches(1);
   create.set_disconnect_policy(v1::DISCONNECT_POLICY_CANCEL);
   v1::WatchJobRequest watch;
   watch.set_name(CreateJob(create));
@@ -131,7 +132,7 @@ TEST_F(WatchJobTest, AJobThatWantsItIsCancelledWhenItsWatcherVanishes) {
   const auto reader = stub_->WatchJob(&context, watch);
   v1::WatchJobResponse response;
   ASSERT_TRUE(reader->Read(&response));
-  absl::SleepFor(absl::Milliseconds(600));
+  absl::SleepFor(absl::Milliseconds(1200));
   EXPECT_EQ(GetJob(watch.name()).state(), v1::Job::STATE_QUEUED);
   context.TryCancel();
   reader->Finish();
