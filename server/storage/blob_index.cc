@@ -104,6 +104,7 @@ void BlobIndex::Renew(Entry& entry, std::int64_t bytes) {
   size_bytes_ += bytes - entry.bytes;
   entry.bytes = bytes;
   entry.is_damaged = false;
+  entry.is_awaited = false;
   entry.version = ++last_version_;
 }
 

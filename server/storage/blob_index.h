@@ -25,6 +25,8 @@ class BlobIndex {
     int pins = 0;
     /// The bytes are lost until somebody puts them again.
     bool is_damaged = false;
+    /// It was pinned although nothing was found: its bytes may turn up.
+    bool is_awaited = false;
     /// Another one each time that the bytes were put.
     std::uint64_t version = 0;
     /// When they were last read and found whole.

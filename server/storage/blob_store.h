@@ -55,6 +55,10 @@ class BlobStore {
   /// As Put of what is there already with kPinned; false when it is not there.
   virtual bool Pin(const BlobKey& key) = 0;
 
+  /// As Pin, but what is not found is pinned from when it is: for those who
+  /// call Unpin either way, and would take back the pin of others.
+  virtual void PinWhenThere(const BlobKey& key) { (void)Pin(key); }
+
   /// Takes back one kPinned; nothing when there is none.
   virtual void Unpin(const BlobKey& key) = 0;
 
@@ -84,7 +88,8 @@ class BlobStore {
   /// the bytes are kept.
   virtual bool CanMakeRoom(std::int64_t bytes) const = 0;
 
-  /// Writes as many bytes and removes them again. Errors as Put.
+  /// Whether the disk takes as many bytes, and some more; they are removed
+  /// again. Errors as Put.
   virtual absl::Status TryWriting(std::int64_t /*bytes*/) {
     return absl::OkStatus();
   }

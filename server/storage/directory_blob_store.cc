@@ -12,8 +12,10 @@
 #include <utility>
 #include <vector>
 
+#include "absl/cleanup/cleanup.h"
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
+#include "server/storage/blob_files.h"
 #include "server/storage/sha256.h"
 
 namespace isomatch {
@@ -24,73 +26,15 @@ namespace fs = std::filesystem;
 /// Half-written files, which no tenant can be called.
 constexpr char kTemporaryFolder[] = ".tmp";
 
-/// How often a file is written that others remove before it is counted, and
-/// read that others write meanwhile.
+/// How often a file is read that others write meanwhile.
 constexpr int kTries = 3;
 
-/// What is tried beyond the bytes asked for: folders and records take some,
-/// too.
+/// What is tried first, and beyond the bytes asked for: folders and records
+/// take some, too.
 constexpr std::int64_t kTryMore = 64 << 10;
 
 /// How long a blob that was read counts as whole without being read again.
 constexpr auto kFresh = std::chrono::minutes(1);
-
-struct FoundFile {
-  BlobKey key;
-  std::int64_t bytes = 0;
-  fs::file_time_type written;
-};
-
-/// The file of a blob; nullopt for whatever else is there, which is left alone,
-/// and for what cannot be looked at: it is found again when it is put again.
-std::optional<FoundFile> Look(const fs::directory_entry& entry) {
-  const fs::path& path = entry.path();
-  std::error_code error;
-  if (!IsSha256Hex(path.filename().string()) || !entry.is_regular_file(error)) {
-    return std::nullopt;
-  }
-  const auto bytes = static_cast<std::int64_t>(entry.file_size(error));
-  if (error) return std::nullopt;
-  const fs::file_time_type written = entry.last_write_time(error);
-  if (error) return std::nullopt;
-  return FoundFile{
-      {path.parent_path().parent_path().filename(), path.filename()},
-      bytes,
-      written};
-}
-
-/// Calls `visit` with what is in the folder; nothing when that cannot be read.
-template <typename Visit>
-void ForEachIn(const fs::path& folder, const Visit& visit) {
-  std::error_code error;
-  fs::directory_iterator entry(folder, error);
-  while (!error && entry != fs::directory_iterator()) {
-    visit(*entry);
-    entry.increment(error);
-  }
-}
-
-/// The blobs in the folder, oldest first.
-absl::StatusOr<std::vector<FoundFile>> FilesIn(const std::string& folder) {
-  std::error_code error;
-  const fs::directory_iterator readable(folder, error);
-  if (error) {
-    return absl::UnavailableError(
-        absl::StrCat("cannot read the folder ", folder, ": ", error.message()));
-  }
-  std::vector<FoundFile> files;
-  ForEachIn(folder, [&](const fs::path& tenant) {
-    ForEachIn(tenant, [&](const fs::path& digits) {
-      ForEachIn(digits, [&](const fs::directory_entry& entry) {
-        if (auto file = Look(entry)) files.push_back(*std::move(file));
-      });
-    });
-  });
-  std::sort(files.begin(), files.end(), [](const auto& a, const auto& b) {
-    return a.written != b.written ? a.written < b.written : a.key < b.key;
-  });
-  return files;
-}
 
 }  // namespace
 
@@ -112,14 +56,18 @@ DirectoryBlobStore::DirectoryBlobStore(const std::string& folder,
                                        Options options)
     : folder_(folder), options_(std::move(options)), index_(capacity_bytes) {}
 
+void DirectoryBlobStore::Tidy(const std::string& folder) {
+  EmptyFolder(absl::StrCat(folder, "/", kTemporaryFolder));
+}
+
 absl::Status DirectoryBlobStore::Scan() {
-  const std::string temporary = absl::StrCat(folder_, "/", kTemporaryFolder);
-  std::error_code ignored;
-  fs::remove_all(temporary, ignored);
-  ISOMATCH_RETURN_IF_ERROR(MakeFolder(temporary));
-  ISOMATCH_ASSIGN_OR_RETURN(std::vector<FoundFile> files, FilesIn(folder_));
+  Tidy(folder_);
+  ISOMATCH_RETURN_IF_ERROR(
+      MakeFolder(absl::StrCat(folder_, "/", kTemporaryFolder)));
+  ISOMATCH_ASSIGN_OR_RETURN(std::vector<FoundBlob> files,
+                            FindBlobs(folder_, options_.on_unreadable));
   MutexLock lock(mutex_);
-  for (FoundFile& file : files) {
+  for (FoundBlob& file : files) {
     index_.Add({.key = std::move(file.key), .bytes = file.bytes});
   }
   return absl::OkStatus();
@@ -140,35 +88,26 @@ absl::Status DirectoryBlobStore::Put(const BlobKey& key, std::string bytes,
     const BlobIndex::Entry* entry = index_.Touch(key);  // has some room
     if (entry != nullptr) size = std::max<std::int64_t>(0, size - entry->bytes);
   }
-  ISOMATCH_RETURN_IF_ERROR(TakeRoom(size));
-  for (int tries = 0; tries < kTries; ++tries) {
-    const absl::Status written = WriteWithinMemory(key, bytes);
-    MutexLock lock(mutex_);
-    arriving_bytes_ -= size;
-    ISOMATCH_RETURN_IF_ERROR(written);
-    if (AddWritten(key, bytes, pins)) return absl::OkStatus();
-    arriving_bytes_ += size;
-  }
-  MutexLock lock(mutex_);
-  arriving_bytes_ -= size;
-  return absl::UnavailableError(
-      absl::StrCat("the file ", PathOf(key), " vanishes"));
+  ISOMATCH_RETURN_IF_ERROR(TakeRoom(key, size));
+  return WriteAndAdd(key, bytes, size, pins);
 }
 
-bool DirectoryBlobStore::AddWritten(const BlobKey& key,
-                                    const std::string& bytes, int pins) {
+absl::Status DirectoryBlobStore::WriteAndAdd(const BlobKey& key,
+                                             const std::string& bytes,
+                                             std::int64_t reserved, int pins) {
+  const absl::Status written = WriteWithinMemory(key, bytes);
+  MutexLock lock(mutex_);
+  arriving_bytes_ -= reserved;
+  EndUse(key);
+  ISOMATCH_RETURN_IF_ERROR(written);
   BlobIndex::Entry* entry = index_.Touch(key);  // somebody else may have put it
-  if (entry == nullptr) {
-    // Or put it and lost it again, and this file with it.
-    if (access(PathOf(key).c_str(), F_OK) != 0) return false;
-    entry = &index_.Add({.key = key});
-  }
+  if (entry == nullptr) entry = &index_.Add({.key = key});
   index_.Renew(*entry, static_cast<std::int64_t>(bytes.size()));
   entry->pins += pins;
-  return true;
+  return absl::OkStatus();
 }
 
-bool DirectoryBlobStore::PutAgain(const BlobKey& key, absl::string_view bytes,
+bool DirectoryBlobStore::PutAgain(const BlobKey& key, const std::string& bytes,
                                   int pins) {
   std::uint64_t version = 0;
   {
@@ -180,37 +119,82 @@ bool DirectoryBlobStore::PutAgain(const BlobKey& key, absl::string_view bytes,
   }
   const absl::StatusOr<bool> same =
       options_.are_digests ? FileHolds(PathOf(key), bytes) : true;
-  const bool is_damaged = same.ok() ? !*same : absl::IsNotFound(same.status());
+  // What cannot be read just now is either healed or left as it is.
+  const bool is_unknown = absl::IsUnavailable(same.status());
+  const bool is_rewritten = is_unknown && WriteWithinMemory(key, bytes).ok();
+  const bool is_damaged = same.ok() ? !*same : !is_unknown;
   if (is_damaged) (void)SetDamaged(key, version);
   MutexLock lock(mutex_);
   BlobIndex::Entry* entry = index_.Touch(key);
+  if (is_rewritten && entry != nullptr) {
+    index_.Renew(*entry, static_cast<std::int64_t>(bytes.size()));
+  }
   const bool is_put = entry != nullptr && !entry->is_damaged;
   (void)index_.ChangePins(key, is_put ? pins - 1 : -1);
   return is_put;
 }
 
-absl::Status DirectoryBlobStore::TakeRoom(std::int64_t bytes) {
-  MutexLock lock(mutex_);
-  ISOMATCH_ASSIGN_OR_RETURN(const std::list<BlobIndex::Entry> evicted,
-                            index_.MakeRoom(arriving_bytes_ + bytes));
-  arriving_bytes_ += bytes;
+absl::Status DirectoryBlobStore::TakeRoom(const BlobKey& key,
+                                          std::int64_t bytes) {
+  std::list<BlobIndex::Entry> evicted;
+  {
+    MutexLock lock(mutex_);
+    BeginUse(key);
+    auto unused = absl::MakeCleanup([&] { EndUse(key); });
+    ISOMATCH_ASSIGN_OR_RETURN(evicted,
+                              index_.MakeRoom(arriving_bytes_ + bytes));
+    arriving_bytes_ += bytes;
+    BeginUnlink(evicted);
+    std::move(unused).Cancel();
+  }
   Unlink(evicted);
   return absl::OkStatus();
 }
 
 bool DirectoryBlobStore::MakeTenantRoom(const BlobKey& key, std::int64_t bytes,
                                         std::int64_t limit) {
-  MutexLock lock(mutex_);
-  const auto evicted = index_.MakeTenantRoom(key, bytes, limit);
+  absl::StatusOr<std::list<BlobIndex::Entry>> evicted;
+  {
+    MutexLock lock(mutex_);
+    evicted = index_.MakeTenantRoom(key, bytes, limit);
+    if (evicted.ok()) BeginUnlink(*evicted);
+  }
   if (evicted.ok()) Unlink(*evicted);
   return evicted.ok();
 }
 
-void DirectoryBlobStore::Unlink(
-    const std::list<BlobIndex::Entry>& evicted) const {
-  for (const BlobIndex::Entry& entry : evicted) {
-    unlink(PathOf(entry.key).c_str());
+void DirectoryBlobStore::BeginUnlink(std::list<BlobIndex::Entry>& evicted) {
+  std::erase_if(evicted, [this](const BlobIndex::Entry& entry) {
+    if (in_use_.count(entry.key) != 0) return true;
+    try {
+      leaving_.insert(entry.key);
+      return false;
+    } catch (const std::bad_alloc&) {
+      return true;  // it stays, and is found when it is asked for
+    }
+  });
+}
+
+void DirectoryBlobStore::Unlink(const std::list<BlobIndex::Entry>& leaving) {
+  for (const BlobIndex::Entry& entry : leaving) {
+    try {
+      unlink(PathOf(entry.key).c_str());
+    } catch (const std::bad_alloc&) {  // as above
+    }
   }
+  if (leaving.empty()) return;
+  MutexLock lock(mutex_);
+  for (const BlobIndex::Entry& entry : leaving) leaving_.erase(entry.key);
+  left_.NotifyAll();
+}
+
+void DirectoryBlobStore::BeginUse(const BlobKey& key) {
+  while (leaving_.count(key) != 0) left_.Wait(mutex_);
+  in_use_.insert(key);
+}
+
+void DirectoryBlobStore::EndUse(const BlobKey& key) {
+  in_use_.erase(in_use_.find(key));
 }
 
 absl::Status DirectoryBlobStore::WriteWithinMemory(const BlobKey& key,
@@ -224,14 +208,8 @@ absl::Status DirectoryBlobStore::WriteWithinMemory(const BlobKey& key,
 
 absl::Status DirectoryBlobStore::Write(const BlobKey& key,
                                        const std::string& bytes) {
-  const std::string path = PathOf(key);
-  std::string temporary = absl::StrCat(folder_, "/", kTemporaryFolder, "/");
-  {
-    MutexLock lock(mutex_);
-    absl::StrAppend(&temporary, ++last_temporary_);
-  }
   ISOMATCH_RETURN_IF_ERROR(MakeFolderOf(key));
-  return options_.write(path, temporary, bytes);
+  return options_.write(PathOf(key), TemporaryPath(), bytes);
 }
 
 absl::Status DirectoryBlobStore::MakeFolderOf(const BlobKey& key) {
@@ -251,8 +229,16 @@ absl::Status DirectoryBlobStore::MakeFolderOf(const BlobKey& key) {
 }
 
 bool DirectoryBlobStore::Pin(const BlobKey& key) {
+  if (!FindFile(key).ok()) return false;
   MutexLock lock(mutex_);
   return index_.ChangePins(key, 1);
+}
+
+void DirectoryBlobStore::PinWhenThere(const BlobKey& key) {
+  if (Pin(key)) return;
+  MutexLock lock(mutex_);
+  if (index_.ChangePins(key, 1)) return;
+  index_.Add({.key = key, .pins = 1, .is_damaged = true, .is_awaited = true});
 }
 
 void DirectoryBlobStore::Unpin(const BlobKey& key) {
@@ -266,6 +252,38 @@ std::optional<DirectoryBlobStore::Seen> DirectoryBlobStore::See(
   const BlobIndex::Entry* entry = index_.Touch(key);
   if (entry == nullptr) return std::nullopt;
   return Seen{entry->version, entry->bytes};
+}
+
+absl::Status DirectoryBlobStore::FindFile(const BlobKey& key) {
+  if (!IsSha256Hex(key.sha256)) return absl::NotFoundError(key.sha256);
+  {
+    MutexLock lock(mutex_);
+    const BlobIndex::Entry* entry = index_.Touch(key);
+    if (entry != nullptr && !entry->is_awaited) return absl::OkStatus();
+    BeginUse(key);
+  }
+  absl::StatusOr<FileAbout> about;
+  try {
+    about = options_.look(PathOf(key));
+  } catch (const std::bad_alloc&) {
+    about = absl::UnavailableError("no memory to look for it");
+  }
+  MutexLock lock(mutex_);
+  EndUse(key);
+  BlobIndex::Entry* entry = index_.Touch(key);
+  if (entry != nullptr && !entry->is_awaited) return absl::OkStatus();
+  ISOMATCH_RETURN_IF_ERROR(about.status());
+  if (entry == nullptr) entry = &index_.Add({.key = key});
+  index_.Renew(*entry, about->bytes);
+  return absl::OkStatus();
+}
+
+absl::StatusOr<DirectoryBlobStore::Seen> DirectoryBlobStore::Find(
+    const BlobKey& key) {
+  ISOMATCH_RETURN_IF_ERROR(FindFile(key));
+  const std::optional<Seen> seen = See(key);
+  if (!seen) return absl::NotFoundError(absl::StrCat("no ", PathOf(key)));
+  return *seen;
 }
 
 bool DirectoryBlobStore::SetDamaged(const BlobKey& key, std::uint64_t version) {
@@ -293,15 +311,14 @@ absl::StatusOr<BlobStore::Blob> DirectoryBlobStore::Read(const BlobKey& key) {
       if (Blob held = entry->held.lock()) return held;
     }
   }
-  const std::optional<Seen> seen = See(key);
-  if (!seen) return absl::NotFoundError(absl::StrCat("no ", PathOf(key)));
-  auto bytes = options_.read(PathOf(key), seen->bytes);
+  ISOMATCH_ASSIGN_OR_RETURN(const Seen seen, Find(key));
+  auto bytes = options_.read(PathOf(key), seen.bytes);
   if (absl::IsUnavailable(bytes.status())) return bytes.status();
   const bool intact =
       bytes.ok() && (!options_.are_digests || Sha256Hex(*bytes) == key.sha256);
   if (!intact) {
     // If it was not just evicted: as good as not there until it is put again.
-    if (SetDamaged(key, seen->version) || !See(key)) {
+    if (SetDamaged(key, seen.version) || !See(key)) {
       return absl::NotFoundError(absl::StrCat(PathOf(key), " is damaged"));
     }
     return absl::AbortedError("put again meanwhile");
@@ -309,7 +326,7 @@ absl::StatusOr<BlobStore::Blob> DirectoryBlobStore::Read(const BlobKey& key) {
   const Blob blob = std::make_shared<const std::string>(*std::move(bytes));
   MutexLock lock(mutex_);
   BlobIndex::Entry* entry = index_.Touch(key);
-  if (entry != nullptr && entry->version == seen->version) {
+  if (entry != nullptr && entry->version == seen.version) {
     entry->is_damaged = false;
     entry->held = blob;
   }
@@ -317,16 +334,22 @@ absl::StatusOr<BlobStore::Blob> DirectoryBlobStore::Read(const BlobKey& key) {
 }
 
 void DirectoryBlobStore::Remove(const BlobKey& key) {
-  MutexLock lock(mutex_);
-  const BlobIndex::Entry* entry = index_.Touch(key);
-  if (entry == nullptr || entry->pins > 0) return;
-  index_.Remove(key);
-  unlink(PathOf(key).c_str());  // under the lock, as Unlink
+  (void)FindFile(key);
+  std::list<BlobIndex::Entry> removed;
+  removed.push_back({.key = key});
+  {
+    MutexLock lock(mutex_);
+    const BlobIndex::Entry* entry = index_.Touch(key);
+    if (entry == nullptr || entry->pins > 0) return;
+    index_.Remove(key);
+    BeginUnlink(removed);
+  }
+  Unlink(removed);
 }
 
 bool DirectoryBlobStore::Has(const BlobKey& key) {
-  const std::optional<Seen> seen = See(key);
-  if (!seen) return false;
+  const absl::StatusOr<Seen> seen = Find(key);
+  if (!seen.ok()) return false;
   std::error_code error;
   const auto size = fs::file_size(PathOf(key), error);
   const bool is_gone = error == std::errc::no_such_file_or_directory ||
@@ -342,8 +365,8 @@ bool DirectoryBlobStore::Has(const BlobKey& key) {
 }
 
 bool DirectoryBlobStore::HasWhole(const BlobKey& key) {
-  const std::optional<Seen> seen = See(key);
-  if (!seen || !options_.are_digests) return Has(key);
+  const absl::StatusOr<Seen> seen = Find(key);
+  if (!seen.ok() || !options_.are_digests) return Has(key);
   const auto now = std::chrono::steady_clock::now();
   {
     MutexLock lock(mutex_);
@@ -372,18 +395,23 @@ bool DirectoryBlobStore::CanMakeRoom(std::int64_t bytes) const {
   return bytes <= index_.RoomBytes() - arriving_bytes_;
 }
 
+std::string DirectoryBlobStore::TemporaryPath() {
+  MutexLock lock(mutex_);
+  return absl::StrCat(folder_, "/", kTemporaryFolder, "/", ++last_temporary_);
+}
+
 absl::Status DirectoryBlobStore::TryWriting(std::int64_t bytes) {
-  const std::string path = absl::StrCat(folder_, "/", kTemporaryFolder, "/try");
   try {
-    const std::string content(static_cast<size_t>(bytes + kTryMore), '\0');
+    const std::string path = TemporaryPath();
+    const std::string content(static_cast<size_t>(kTryMore), '\0');
     ISOMATCH_RETURN_IF_ERROR(MakeFolder(fs::path(path).parent_path()));
     ISOMATCH_RETURN_IF_ERROR(
         options_.write(path, absl::StrCat(path, ".new"), content));
+    unlink(path.c_str());
+    return TryTakingRoom(path, bytes + kTryMore);
   } catch (const std::bad_alloc&) {
     return absl::ResourceExhaustedError("no memory to write it");
   }
-  unlink(path.c_str());
-  return absl::OkStatus();
 }
 
 std::int64_t DirectoryBlobStore::size_bytes() const {

@@ -12,6 +12,7 @@
 #include "absl/status/statusor.h"
 #include "absl/strings/string_view.h"
 #include "core/base/mutex.h"
+#include "server/storage/blob_files.h"
 #include "server/storage/blob_index.h"
 #include "server/storage/blob_store.h"
 #include "server/storage/files.h"
@@ -35,6 +36,11 @@ class DirectoryBlobStore : public BlobStore {
     std::function<absl::StatusOr<std::string>(const std::string& path,
                                               std::int64_t max_bytes)>
         read = ReadWholeFile;
+    /// As AboutFile; tests make it fail.
+    std::function<absl::StatusOr<FileAbout>(const std::string& path)> look =
+        AboutFile;
+    /// Told of each folder that could not be read at the start.
+    OnUnreadable on_unreadable = [](auto&&, auto&&) {};
     /// False: names are not the digests of the content, which is not checked.
     bool are_digests = true;
   };
@@ -47,8 +53,13 @@ class DirectoryBlobStore : public BlobStore {
   static absl::StatusOr<std::unique_ptr<DirectoryBlobStore>> Open(
       const std::string& folder, std::int64_t capacity_bytes, Options options);
 
+  /// Removes what a crash left half written in such a folder, whose room may be
+  /// needed before it is opened.
+  static void Tidy(const std::string& folder);
+
   absl::Status Put(const BlobKey& key, std::string bytes, Keep keep) override;
   bool Pin(const BlobKey& key) override;
+  void PinWhenThere(const BlobKey& key) override;
   void Unpin(const BlobKey& key) override;
   absl::StatusOr<Blob> Get(const BlobKey& key) override;
   void Remove(const BlobKey& key) override;
@@ -68,15 +79,22 @@ class DirectoryBlobStore : public BlobStore {
   absl::Status Scan();
 
   std::string PathOf(const BlobKey& key) const;
+  /// Another one each time.
+  std::string TemporaryPath();
 
   /// Writes the file; its room has been made.
   absl::Status Write(const BlobKey& key, const std::string& bytes);
   /// As Write; RESOURCE_EXHAUSTED when there is no memory for it.
   absl::Status WriteWithinMemory(const BlobKey& key, const std::string& bytes);
 
-  /// Puts what is there already, if the file holds `bytes`, or cannot be read
-  /// just now.
-  bool PutAgain(const BlobKey& key, absl::string_view bytes, int pins);
+  /// Puts what is there already, if the file holds `bytes`, or can be neither
+  /// read nor written just now.
+  bool PutAgain(const BlobKey& key, const std::string& bytes, int pins);
+
+  /// Puts a file of before in the index that is not there, since its folder
+  /// could not be read then. NOT_FOUND: there is none; UNAVAILABLE: it cannot
+  /// be looked at just now.
+  absl::Status FindFile(const BlobKey& key);
 
   /// What was known of a blob before its file was looked at.
   struct Seen {
@@ -84,6 +102,8 @@ class DirectoryBlobStore : public BlobStore {
     std::int64_t bytes = 0;
   };
   std::optional<Seen> See(const BlobKey& key) const;
+  /// The same after FindFile.
+  absl::StatusOr<Seen> Find(const BlobKey& key);
 
   /// The bytes in the file were found not to be what was put; false when others
   /// were put since.
@@ -95,21 +115,35 @@ class DirectoryBlobStore : public BlobStore {
   /// Makes the folder of the blob's file. It survives the loss of power.
   absl::Status MakeFolderOf(const BlobKey& key);
 
-  /// Under the lock, so that a Put of the same content comes after it.
-  void Unlink(const std::list<BlobIndex::Entry>& evicted) const
-      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  // Files are removed without the lock: who needs it waits for no disk. Nobody
+  // writes or looks for one of `leaving_`, nobody removes one of `in_use_`.
 
-  /// Makes room and counts the bytes as taken before they are written.
-  absl::Status TakeRoom(std::int64_t bytes);
-
-  /// Counts a file that was just written; false when it is not there any more.
-  bool AddWritten(const BlobKey& key, const std::string& bytes, int pins)
+  /// Leaves in `evicted` those that are to be unlinked, by Unlink. Others are
+  /// in use: who has one counts it again, or it is found when it is asked for.
+  void BeginUnlink(std::list<BlobIndex::Entry>& evicted)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void Unlink(const std::list<BlobIndex::Entry>& leaving)
+      ABSL_LOCKS_EXCLUDED(mutex_);
+
+  /// Waits until nobody removes the file; then nobody does until EndUse.
+  void BeginUse(const BlobKey& key) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void EndUse(const BlobKey& key) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+
+  /// Makes room and counts the bytes as taken before they are written;
+  /// BeginUse.
+  absl::Status TakeRoom(const BlobKey& key, std::int64_t bytes);
+
+  /// Writes the file and counts it in place of `reserved` bytes; EndUse.
+  absl::Status WriteAndAdd(const BlobKey& key, const std::string& bytes,
+                           std::int64_t reserved, int pins);
 
   const std::string folder_;
   const Options options_;
   mutable Mutex mutex_;
   mutable BlobIndex index_ ABSL_GUARDED_BY(mutex_);
+  CondVar left_;
+  std::set<BlobKey> leaving_ ABSL_GUARDED_BY(mutex_);
+  std::multiset<BlobKey> in_use_ ABSL_GUARDED_BY(mutex_);
   /// Of blobs that are being written.
   std::int64_t arriving_bytes_ ABSL_GUARDED_BY(mutex_) = 0;
   /// Those that are known to survive the loss of power.

@@ -33,6 +33,13 @@ absl::Status Refused(absl::string_view what, const std::string& path) {
   return absl::UnavailableError(message);
 }
 
+/// The same of reading, where a sector may be bad: trying again does not help.
+absl::Status ReadRefused(const std::string& path) {
+  const bool is_lost = errno == EIO || errno == EUCLEAN || errno == EBADMSG;
+  const absl::Status refused = Refused("read", path);
+  return is_lost ? absl::DataLossError(refused.message()) : refused;
+}
+
 /// A file descriptor that closes itself.
 class File {
  public:
@@ -97,7 +104,7 @@ absl::StatusOr<std::string> ReadWholeFile(const std::string& path,
   const File file(path, O_RDONLY);
   struct stat about = {};
   if (!file.is_open() || fstat(file.get(), &about) != 0) {
-    return Refused("read", path);
+    return ReadRefused(path);
   }
   if (about.st_size > max_bytes) {
     return absl::DataLossError(absl::StrCat(
@@ -108,7 +115,7 @@ absl::StatusOr<std::string> ReadWholeFile(const std::string& path,
   while (done < bytes.size()) {
     const ssize_t got = read(file.get(), &bytes[done], bytes.size() - done);
     if (got < 0 && errno == EINTR) continue;
-    if (got < 0) return Refused("read", path);
+    if (got < 0) return ReadRefused(path);
     if (got == 0) break;  // it became shorter
     done += static_cast<size_t>(got);
   }
@@ -120,12 +127,12 @@ absl::Status ReadInPieces(const std::string& path,
                           const std::function<bool(absl::string_view)>& take) {
   constexpr size_t kPiece = size_t{64} << 10;
   const File file(path, O_RDONLY);
-  if (!file.is_open()) return Refused("read", path);
+  if (!file.is_open()) return ReadRefused(path);
   std::string piece(kPiece, '\0');
   while (true) {
     const ssize_t got = read(file.get(), piece.data(), piece.size());
     if (got < 0 && errno == EINTR) continue;
-    if (got < 0) return Refused("read", path);
+    if (got < 0) return ReadRefused(path);
     if (got == 0) return absl::OkStatus();
     if (!take({piece.data(), static_cast<size_t>(got)})) {
       return absl::OkStatus();
@@ -141,6 +148,36 @@ absl::StatusOr<bool> FileHolds(const std::string& path,
     return same;
   }));
   return same && bytes.empty();
+}
+
+absl::StatusOr<FileAbout> AboutFile(const std::string& path) {
+  struct stat about = {};
+  if (stat(path.c_str(), &about) != 0) return Refused("look at", path);
+  if (!S_ISREG(about.st_mode)) {
+    return absl::NotFoundError(absl::StrCat(path, " is no file"));
+  }
+  return FileAbout{about.st_size};
+}
+
+absl::Status TryTakingRoom(const std::string& path, std::int64_t bytes) {
+  const File file(path, O_CREAT | O_WRONLY | O_TRUNC, S_IRUSR | S_IWUSR);
+  if (!file.is_open()) return Refused("create", path);
+  errno = bytes > 0 ? posix_fallocate(file.get(), 0, bytes) : 0;
+  const absl::Status taken =
+      errno == 0 ? absl::OkStatus() : Refused("take room for", path);
+  unlink(path.c_str());
+  return taken;
+}
+
+void EmptyFolder(const std::string& path) {
+  namespace fs = std::filesystem;
+  std::error_code error;
+  std::vector<fs::path> inside;
+  for (fs::directory_iterator entry(path, error);
+       !error && entry != fs::directory_iterator(); entry.increment(error)) {
+    inside.push_back(entry->path());
+  }
+  for (const fs::path& each : inside) fs::remove_all(each, error);
 }
 
 absl::Status MakeFolder(const std::string& path) {

@@ -1,10 +1,8 @@
 #include "server/storage/directory_blob_store.h"
 
 #include <sys/resource.h>
+#include <sys/stat.h>
 
-#include <sys/resource.h>
-
-#include <csignal>
 #include <filesystem>
 #include <fstream>
 #include <memory>
@@ -19,6 +17,7 @@
 #include "server/storage/files.h"
 #include "server/storage/sha256.h"
 #include "tests/support/matchers.h"
+#include "tests/support/small_disk.h"
 #include "tests/support/temporary_folder.h"
 
 namespace isomatch {
@@ -97,6 +96,107 @@ TEST_F(DirectoryBlobStoreTest, AFileThatCannotBeReadNowIsNotDamaged) {
   EXPECT_TRUE(is_whole);
   EXPECT_TRUE(store_->Has(KeyOf("whole")));
   EXPECT_THAT(store_->Get(KeyOf("whole")), IsOk());
+}
+
+/// Opens, but reading it is an input/output error, as of a bad sector.
+void PutOnABadSector(const std::string& file) {
+  std::filesystem::remove(file);
+  std::filesystem::create_symlink("/proc/self/mem", file);
+}
+
+TEST_F(DirectoryBlobStoreTest, ABadSectorIsDamageThatTheSameBytesHeal) {
+  Open();
+  for (const bool is_looked_at : {false, true}) {
+    ASSERT_THAT(store_->Put(KeyOf("whole"), "whole", Keep::kPinned), IsOk());
+    PutOnABadSector(FilesBelow(root_).front());
+    if (is_looked_at) {
+      EXPECT_FALSE(store_->HasWhole(KeyOf("whole")));
+    }
+    ASSERT_THAT(store_->Put(KeyOf("whole"), "whole", Keep::kPinned), IsOk());
+    EXPECT_EQ(*ReadWholeFile(FilesBelow(root_).front(), 5), "whole");
+    EXPECT_EQ(**store_->Get(KeyOf("whole")), "whole");
+  }
+}
+
+TEST_F(DirectoryBlobStoreTest, WhatCannotBeReadIsWrittenAgainIfThatGoes) {
+  Open();
+  ASSERT_THAT(store_->Put(KeyOf("whole"), "whole", Keep::kPinned), IsOk());
+  const std::string file = FilesBelow(root_).front();
+  std::filesystem::remove(file);
+  ASSERT_EQ(mknod(file.c_str(), S_IFSOCK | S_IRUSR, 0), 0);
+  EXPECT_THAT(store_->Get(KeyOf("whole")),
+              StatusIs(absl::StatusCode::kUnavailable, _));
+  ASSERT_THAT(store_->Put(KeyOf("whole"), "whole", Keep::kPinned), IsOk());
+  EXPECT_EQ(**store_->Get(KeyOf("whole")), "whole");
+}
+
+TEST_F(DirectoryBlobStoreTest, WhatCouldNotBeReadAtTheStartIsFoundLater) {
+  Open();
+  for (const char* bytes : {"one", "two", "three"}) {
+    ASSERT_THAT(store_->Put(KeyOf(bytes), bytes, Keep::kWhileRoom), IsOk());
+  }
+  std::filesystem::rename(root_ + "/tenant", folder_.Path("away"));
+  std::filesystem::create_symlink("tenant", root_ + "/tenant");  // a loop
+  absl::Status looking = absl::UnavailableError("input/output error");
+  std::vector<std::string> told;
+  store_.reset();
+  auto store = DirectoryBlobStore::Open(
+      root_, 100,
+      {.look = [&](const std::string& path) -> absl::StatusOr<FileAbout> {
+         if (!looking.ok()) return looking;
+         return AboutFile(path);
+       },
+       .on_unreadable = [&](const std::string& folder,
+                            auto&&) { told.push_back(folder); }});
+  ASSERT_THAT(store, IsOk());
+  EXPECT_THAT(told, testing::ElementsAre(root_ + "/tenant"));
+  EXPECT_THAT((*store)->Get(KeyOf("one")),
+              StatusIs(absl::StatusCode::kUnavailable, _));
+  EXPECT_FALSE((*store)->Pin(KeyOf("one")));
+  looking = absl::OkStatus();
+  EXPECT_THAT((*store)->Get(KeyOf("one")), IsGone());
+  std::filesystem::remove(root_ + "/tenant");
+  std::filesystem::rename(folder_.Path("away"), root_ + "/tenant");
+  EXPECT_EQ(**(*store)->Get(KeyOf("one")), "one");
+  EXPECT_TRUE((*store)->Pin(KeyOf("two")));
+  EXPECT_TRUE((*store)->HasWhole(KeyOf("three")));
+  EXPECT_EQ((*store)->size_bytes(), 11);
+  (*store)->Remove(KeyOf("three"));
+  EXPECT_FALSE((*store)->Has(KeyOf("three")));
+}
+
+TEST_F(DirectoryBlobStoreTest, RemovingFindsAFileToo) {
+  Open();
+  ASSERT_THAT(store_->Put(KeyOf("one"), "one", Keep::kWhileRoom), IsOk());
+  std::filesystem::rename(root_ + "/tenant", folder_.Path("away"));
+  Open();
+  std::filesystem::rename(folder_.Path("away"), root_ + "/tenant");
+  store_->Remove(KeyOf("one"));
+  EXPECT_THAT(FilesBelow(root_), IsEmpty());
+}
+
+TEST_F(DirectoryBlobStoreTest, OnlyNamesOfBlobsAreLookedFor) {
+  Open();
+  std::ofstream(root_ + "/secret") << "secret";
+  for (const std::string name : {"../../secret", "..", ""}) {
+    EXPECT_THAT(store_->Get({"tenant", name}), IsGone());
+    EXPECT_FALSE(store_->Has({"tenant", name}));
+  }
+}
+
+TEST_F(DirectoryBlobStoreTest, WhatIsPinnedBeforeItIsThereTakesNobodysPin) {
+  Open();
+  store_->PinWhenThere(KeyOf("late"));
+  EXPECT_FALSE(store_->Has(KeyOf("late")));
+  EXPECT_THAT(store_->Get(KeyOf("late")), IsGone());
+  EXPECT_EQ(store_->size_bytes(), 0);
+  ASSERT_THAT(store_->Put(KeyOf("late"), "late", Keep::kPinned), IsOk());
+  store_->Unpin(KeyOf("late"));  // of the first
+  store_->Remove(KeyOf("late"));
+  EXPECT_EQ(**store_->Get(KeyOf("late")), "late");
+  store_->Unpin(KeyOf("late"));
+  store_->Remove(KeyOf("late"));
+  EXPECT_FALSE(store_->Has(KeyOf("late")));
 }
 
 TEST_F(DirectoryBlobStoreTest, APinnedFileThatWasDamagedCanBePutAgain) {
@@ -260,8 +360,7 @@ TEST_F(DirectoryBlobStoreTest, ARefusingDiskLeavesNothingBehind) {
   EXPECT_THAT((*store)->Put(KeyOf("a"), "a", Keep::kPinned), IsOk());
 }
 
-TEST_F(DirectoryBlobStoreTest,
-       AFileThatOthersEvictBeforeItCountsIsWrittenAgain) {
+TEST_F(DirectoryBlobStoreTest, AFileThatOthersEvictBeforeItCountsStays) {
   std::unique_ptr<DirectoryBlobStore> store;
   int writes = 0;
   auto opened = DirectoryBlobStore::Open(
@@ -282,7 +381,7 @@ TEST_F(DirectoryBlobStoreTest,
   ASSERT_THAT(opened, IsOk());
   store = *std::move(opened);
   ASSERT_THAT(store->Put(KeyOf("same"), "same", Keep::kPinned), IsOk());
-  EXPECT_EQ(writes, 4);
+  EXPECT_EQ(writes, 3);
   EXPECT_EQ(**store->Get(KeyOf("same")), "same");
 }
 
@@ -302,65 +401,39 @@ TEST_F(DirectoryBlobStoreTest, ManyThreadsGetWhatWasPut) {
   EXPECT_LE(store_->size_bytes(), 300);
 }
 
-TEST(FilesTest, ANewFileTakesThePlaceOfTheOldOneWhole) {
-  const TemporaryFolder folder;
-  const std::string path = folder.Path("file");
-  ASSERT_THAT(WriteFileDurably(path, path + ".tmp", "old"), IsOk());
-  ASSERT_THAT(WriteFileDurably(path, path + ".tmp", "new"), IsOk());
-  EXPECT_EQ(*ReadWholeFile(path, 3), "new");
-  EXPECT_THAT(ReadWholeFile(path, 2), StatusIs(absl::StatusCode::kDataLoss, _));
-  EXPECT_THAT(FilesBelow(folder.Path("")), SizeIs(1));
+TEST_F(DirectoryBlobStoreTest, WhatOneThreadHasPinnedNoOtherRemoves) {
+  Open(300);
+  const auto work = [&](int seed) {
+    for (int i = 0; i < 200; ++i) {
+      const std::string bytes(static_cast<size_t>(30 + (seed + i) % 3), 'b');
+      ASSERT_THAT(store_->Put(KeyOf(bytes), bytes, Keep::kPinned), IsOk());
+      std::ifstream file(root_ + "/tenant/" + KeyOf(bytes).sha256.substr(0, 2) +
+                         "/" + KeyOf(bytes).sha256);
+      EXPECT_TRUE(file.is_open());
+      store_->Unpin(KeyOf(bytes));
+      store_->Remove(KeyOf(bytes));
+    }
+  };
+  std::vector<std::thread> threads;
+  for (int i = 0; i < 4; ++i) threads.emplace_back(work, i);
+  for (std::thread& thread : threads) thread.join();
+  EXPECT_THAT(FilesBelow(root_), IsEmpty());
+  EXPECT_EQ(store_->size_bytes(), 0);
 }
 
-TEST(FilesTest, WhatCannotBeWrittenSaysWhichFile) {
-  const TemporaryFolder folder;
-  const std::string path = folder.Path("none/file");
-  EXPECT_THAT(WriteFileDurably(path, folder.Path("tmp"), "x"),
-              StatusIs(absl::StatusCode::kNotFound, testing::HasSubstr("tmp")));
-  EXPECT_THAT(FilesBelow(folder.Path("")), IsEmpty());
-  EXPECT_THAT(ReadWholeFile(path, 1),
-              StatusIs(absl::StatusCode::kNotFound, testing::HasSubstr(path)));
-}
-
-TEST(FilesTest, AFullDiskIsAnErrorOfItsOwnAndLeavesNothing) {
-  const TemporaryFolder folder;
-  // No file may be larger than 10 bytes: the system says so as of a full disk.
-  rlimit before = {};
-  ASSERT_EQ(getrlimit(RLIMIT_FSIZE, &before), 0);
-  const auto handler = std::signal(SIGXFSZ, SIG_IGN);
-  const rlimit small = {10, before.rlim_max};
-  ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &small), 0);
-  const absl::Status status = WriteFileDurably(
-      folder.Path("file"), folder.Path("tmp"), std::string(100, 'x'));
-  setrlimit(RLIMIT_FSIZE, &before);
-  std::signal(SIGXFSZ, handler);
-  EXPECT_THAT(status, StatusIs(absl::StatusCode::kResourceExhausted, _));
-  EXPECT_THAT(FilesBelow(folder.Path("")), IsEmpty());
-}
-
-TEST(FilesTest, AFolderCannotBeMadeBelowAFile) {
-  const TemporaryFolder folder;
-  const std::string path = folder.Path("file");
-  ASSERT_THAT(WriteFileDurably(path, path + ".tmp", ""), IsOk());
-  EXPECT_THAT(
-      MakeFolder(path + "/below"),
-      StatusIs(absl::StatusCode::kUnavailable, testing::HasSubstr(path)));
-  EXPECT_THAT(MakeFolder(folder.Path("a/b/c")), IsOk());
-  EXPECT_THAT(MakeFolder(folder.Path("a/b/c")), IsOk());
-}
-
-TEST(FilesTest, AFolderIsLockedOnce) {
-  const TemporaryFolder folder;
-  {
-    const auto lock = FolderLock::Take(folder.Path(""));
-    ASSERT_THAT(lock, IsOk());
-    EXPECT_THAT(FolderLock::Take(folder.Path("")),
-                StatusIs(absl::StatusCode::kFailedPrecondition,
-                         testing::HasSubstr(folder.Path(""))));
-  }
-  EXPECT_THAT(FolderLock::Take(folder.Path("")), IsOk());
-  EXPECT_THAT(FolderLock::Take(folder.Path("none")),
-              StatusIs(absl::StatusCode::kNotFound, _));
+TEST(DirectoryBlobStoreRoomTest, RoomIsTriedWithoutTakingIt) {
+  const SmallDisk disk(/*mebibytes=*/3);
+  if (!disk.problem().empty()) GTEST_SKIP() << disk.problem();
+  auto store = DirectoryBlobStore::Open(disk.Path("blobs"), 100);
+  ASSERT_THAT(store, IsOk());
+  EXPECT_THAT((*store)->TryWriting(2 << 20), IsOk());
+  EXPECT_THAT((*store)->TryWriting(std::int64_t{1} << 40),
+              StatusIs(absl::StatusCode::kResourceExhausted, _));
+  EXPECT_THAT((*store)->TryWriting(2 << 20), IsOk());
+  disk.Fill();
+  EXPECT_THAT((*store)->TryWriting(0),
+              StatusIs(absl::StatusCode::kResourceExhausted, _));
+  EXPECT_THAT(FilesBelow(disk.Path("blobs")), IsEmpty());
 }
 
 }  // namespace
