@@ -9,7 +9,7 @@
 namespace isomatch {
 
 /// Where the records of jobs outlive the process. Called by one thread at a
-/// time.
+/// time, but for Settle.
 class JobJournal {
  public:
   virtual ~JobJournal() = default;
@@ -21,6 +21,10 @@ class JobJournal {
 
   /// Forgets the records with these ids. Errors as Write.
   virtual absl::Status Remove(const std::vector<std::string>& ids) = 0;
+
+  /// Moves what was written to where it lasts, as far as that goes now; beside
+  /// Write and Remove, in a thread of its own.
+  virtual void Settle() {}
 };
 
 }  // namespace isomatch

@@ -168,6 +168,9 @@ struct JobRecord {
   absl::Time create_time = absl::InfinitePast();
   absl::Time start_time = absl::InfinitePast();
   absl::Time end_time = absl::InfinitePast();
+  /// The same by a clock that is never set, if it ended in this process; not
+  /// kept on disk.
+  absl::Duration end_steady = -absl::InfiniteDuration();
   std::map<std::string, std::string> labels;
   /// Empty for none; otherwise no other job of the tenant has it.
   std::string request_id;

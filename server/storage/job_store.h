@@ -35,7 +35,11 @@ struct KeepLimits {
   int max_jobs_per_tenant = std::numeric_limits<int>::max();
   /// Of the results together.
   std::int64_t max_result_bytes = std::int64_t{256} << 20;
+  /// Others go for their age, by the two clocks of JobRecord.
   absl::Time ended_before = absl::InfinitePast();
+  absl::Duration ended_before_steady = absl::InfiniteDuration();
+  /// So many bytes of results have to go, whatever is within the limits.
+  std::int64_t room_bytes = 0;
 };
 
 /// The record of all jobs. Thread-safe; changes are decided by sequence
@@ -72,10 +76,12 @@ class JobStore {
   /// FAILED_PRECONDITION when it is not terminal.
   virtual absl::StatusOr<JobRecord> Delete(const std::string& id) = 0;
 
-  /// Tries again to keep what could not be kept before.
+  /// Tries again to keep what could not be kept before, and sees to it that a
+  /// file that is lost takes little with it.
   virtual void Flush() = 0;
 
-  /// Removes the terminal jobs that KeptJobs::Excess names and returns them.
+  /// Removes the terminal jobs that KeptJobs::Excess names, as many as the disk
+  /// lets go, and returns them.
   virtual std::vector<JobRecord> Prune(const KeepLimits& limits) = 0;
 };
 

@@ -16,7 +16,7 @@ class JournalMark {
   struct State {
     /// Since the journal was made.
     std::int64_t commits = 0;
-    /// Records that are in it.
+    /// Records that ever came into it.
     std::int64_t jobs = 0;
   };
 

@@ -1,6 +1,8 @@
 #include "server/storage/kept_jobs.h"
 
 #include <algorithm>
+#include <iterator>
+#include <utility>
 
 namespace isomatch {
 namespace {
@@ -17,7 +19,8 @@ std::int64_t ResultBytesOf(const JobRecord& record) {
 void KeptJobs::Add(const JobRecord& record) {
   const std::int64_t bytes = ResultBytesOf(record);
   Group& group = groups_[{record.result.has_value(), record.tenant}];
-  group.jobs[record.sequence] = {record.id, record.end_time, bytes};
+  group.jobs[record.sequence] = {record.id, record.end_time, record.end_steady,
+                                 bytes};
   group.result_bytes += bytes;
 }
 
@@ -32,48 +35,63 @@ void KeptJobs::Remove(const JobRecord& record) {
 class KeptJobs::Selection {
  public:
   Selection(const KeepLimits& limits, std::uint64_t newest)
-      : limits_(limits), newest_(newest) {}
+      : limits_(limits), newest_(newest), room_bytes_(limits.room_bytes) {}
 
-  void Add(const Group& group) {
-    lines_.push_back({group.jobs.begin(), group.jobs.end(),
-                      static_cast<std::int64_t>(group.jobs.size()),
-                      group.result_bytes});
-    jobs_ += lines_.back().jobs;
-    bytes_ += lines_.back().bytes;
+  /// Adds what is not too old of a group; the others go.
+  void Add(const Group& group, std::vector<std::string>& ids) {
+    Line line;
+    for (auto job = group.jobs.begin(); job != group.jobs.end(); ++job) {
+      if (IsTooOld(job->second)) {
+        ids.push_back(job->second.id);
+        room_bytes_ -= job->second.result_bytes;
+        continue;
+      }
+      line.left.push_back(job);
+      line.bytes += job->second.result_bytes;
+    }
+    line.jobs = std::ssize(line.left);
+    jobs_ += line.jobs;
+    bytes_ += line.bytes;
+    lines_.push_back(std::move(line));
   }
 
   void TakeExcess(std::vector<std::string>& ids) {
     for (Line& line : lines_) {
-      while (line.next != line.end &&
-             line.next->second.end_time < limits_.ended_before) {
-        Take(line, ids);
-      }
       while (line.jobs > limits_.max_jobs_per_tenant && MayGo(line)) {
         Take(line, ids);
       }
     }
     while (jobs_ > limits_.max_jobs && TakeOfLargest(&Line::jobs, ids)) {
     }
-    while (bytes_ > limits_.max_result_bytes &&
-           TakeOfLargest(&Line::bytes, ids)) {
+    const std::int64_t most_bytes =
+        std::min(limits_.max_result_bytes,
+                 std::max<std::int64_t>(0, bytes_ - room_bytes_));
+    while (bytes_ > most_bytes && TakeOfLargest(&Line::bytes, ids)) {
     }
   }
 
  private:
   /// What is left of a tenant's, the oldest first.
   struct Line {
-    Jobs::const_iterator next;
-    Jobs::const_iterator end;
-    std::int64_t jobs;
-    std::int64_t bytes;
+    std::vector<Jobs::const_iterator> left;
+    size_t next = 0;
+    std::int64_t jobs = 0;
+    std::int64_t bytes = 0;
+
+    const Jobs::value_type& oldest() const { return *left[next]; }
   };
 
+  bool IsTooOld(const Job& job) const {
+    return job.end_time < limits_.ended_before &&
+           job.end_steady < limits_.ended_before_steady;
+  }
+
   bool MayGo(const Line& line) const {
-    return line.next != line.end && line.next->first != newest_;
+    return line.next < line.left.size() && line.oldest().first != newest_;
   }
 
   void Take(Line& line, std::vector<std::string>& ids) {
-    const Job& job = line.next->second;
+    const Job& job = line.oldest().second;
     ids.push_back(job.id);
     --line.jobs;
     --jobs_;
@@ -88,7 +106,7 @@ class KeptJobs::Selection {
           if (!MayGo(a) || !MayGo(b)) return !MayGo(a) && MayGo(b);
           // Among equals the oldest goes.
           return a.*size != b.*size ? a.*size < b.*size
-                                    : a.next->first > b.next->first;
+                                    : a.oldest().first > b.oldest().first;
         });
     if (largest == lines_.end() || !MayGo(*largest)) return false;
     Take(*largest, ids);
@@ -97,6 +115,7 @@ class KeptJobs::Selection {
 
   const KeepLimits& limits_;
   const std::uint64_t newest_;
+  std::int64_t room_bytes_;
   std::vector<Line> lines_;
   std::int64_t jobs_ = 0;
   std::int64_t bytes_ = 0;
@@ -112,7 +131,7 @@ std::vector<std::string> KeptJobs::Excess(const KeepLimits& limits) const {
   for (const bool has_result : {false, true}) {
     Selection selection(limits, newest);
     for (const auto& [key, group] : groups_) {
-      if (key.first == has_result) selection.Add(group);
+      if (key.first == has_result) selection.Add(group, ids);
     }
     selection.TakeExcess(ids);
   }

@@ -26,17 +26,19 @@ class KeptJobs {
   /// REQUIRES: Add was called with this sequence, tenant and state.
   void Remove(const JobRecord& record);
 
-  /// Returns the ids of all that ended before `limits.ended_before`, and of as
-  /// many others as it takes to keep the other limits: the oldest of the tenant
-  /// that has more than its limit, then the oldest of the tenant that has most,
-  /// so that nobody loses a job to a tenant that keeps more. Never the one that
-  /// ended last but by its age, however large its result.
+  /// Returns the ids of all that ended too long ago, wherever they stand (a
+  /// clock that is set back mixes up times), and of as many others as it takes
+  /// to keep the other limits: the oldest of the tenant that has more than its
+  /// limit, then the oldest of the tenant that has most, so that nobody loses a
+  /// job to a tenant that keeps more. Never the one that ended last but by its
+  /// age, however large its result.
   std::vector<std::string> Excess(const KeepLimits& limits) const;
 
  private:
   struct Job {
     std::string id;
     absl::Time end_time;
+    absl::Duration end_steady;
     std::int64_t result_bytes;
   };
   /// Sequence of the terminal change -> job.

@@ -1,6 +1,7 @@
 #include "server/storage/memory_job_store.h"
 
 #include <algorithm>
+#include <cstddef>
 #include <utility>
 
 #include "absl/cleanup/cleanup.h"
@@ -13,6 +14,9 @@ namespace {
 /// More changes than a process makes between two that are kept. What watchers
 /// saw before a crash stays behind what they see after it.
 constexpr std::uint64_t kSequenceGap = std::uint64_t{1} << 32;
+
+/// Of jobs that are removed together: a full disk takes no large change.
+constexpr size_t kRemovedAtOnce = 32;
 
 absl::Status NotFound(const std::string& id) {
   return absl::NotFoundError(absl::StrCat("no job ", id));
@@ -197,20 +201,32 @@ std::vector<JobRecord> MemoryJobStore::Prune(const KeepLimits& limits) {
     ids = terminal_.Excess(limits);
     for (const std::string& id : ids) removed.push_back(records_.at(id));
   }
-  if (removed.empty()) return removed;
-  if (journal_ != nullptr) {
-    const absl::Status status = journal_->Remove(ids);
-    if (!status.ok()) {
-      on_error_(status);
-      return {};
-    }
-  }
+  const auto gone = static_cast<std::ptrdiff_t>(RemoveFromJournal(ids));
+  ids.resize(static_cast<size_t>(gone));
+  removed.erase(removed.begin() + gone, removed.end());
   MutexLock lock(mutex_);
   for (const std::string& id : ids) {
     unwritten_.erase(id);
     Remove(id);
   }
   return removed;
+}
+
+size_t MemoryJobStore::RemoveFromJournal(const std::vector<std::string>& ids) {
+  if (journal_ == nullptr) return ids.size();
+  size_t done = 0;
+  while (done < ids.size()) {
+    const size_t end = std::min(done + kRemovedAtOnce, ids.size());
+    const absl::Status status =
+        journal_->Remove({ids.begin() + static_cast<std::ptrdiff_t>(done),
+                          ids.begin() + static_cast<std::ptrdiff_t>(end)});
+    if (!status.ok()) {
+      on_error_(status);
+      break;
+    }
+    done = end;
+  }
+  return done;
 }
 
 void MemoryJobStore::Add(const JobRecord& record) {
@@ -233,10 +249,13 @@ void MemoryJobStore::Remove(const std::string& id) {
 }
 
 void MemoryJobStore::Flush() {
-  MutexLock writing(writer_mutex_);
-  if (unwritten_.empty()) return;
-  const absl::Status written = WriteJournal({});
-  if (!written.ok()) on_error_(written);
+  {
+    MutexLock writing(writer_mutex_);
+    const absl::Status written =
+        unwritten_.empty() ? absl::OkStatus() : WriteJournal({});
+    if (!written.ok()) on_error_(written);
+  }
+  if (journal_ != nullptr) journal_->Settle();
 }
 
 absl::Status MemoryJobStore::WriteJournal(std::vector<JobRecord> records) {

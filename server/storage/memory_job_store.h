@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <map>
@@ -69,6 +70,10 @@ class MemoryJobStore : public JobStore {
   /// What the journal has first.
   absl::StatusOr<JobRecord> Keep(JobRecord record)
       ABSL_LOCKS_EXCLUDED(writer_mutex_, mutex_);
+
+  /// Returns how many of the first it has removed.
+  size_t RemoveFromJournal(const std::vector<std::string>& ids)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(writer_mutex_);
 
   /// Writes the records, and those that could not be written before.
   absl::Status WriteJournal(std::vector<JobRecord> records)

@@ -9,6 +9,7 @@
 #include <SQLiteCpp/SQLiteCpp.h>
 #include <sqlite3.h>
 
+#include "absl/cleanup/cleanup.h"
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "server/storage/disk_reserve.h"
@@ -40,6 +41,9 @@ constexpr const char* kMigrations[SqliteJournal::kSchemaVersion] = {
          commits INTEGER NOT NULL
        ) STRICT;
        INSERT INTO journal VALUES (1, 0);)",
+    // Records that ever came, so that what was removed hides none that is lost.
+    R"(ALTER TABLE journal ADD COLUMN jobs INTEGER NOT NULL DEFAULT 0;
+       UPDATE journal SET jobs = (SELECT count(*) FROM jobs);)",
 };
 
 constexpr char kWrite[] =
@@ -48,6 +52,10 @@ constexpr char kWrite[] =
 
 absl::Status ErrorOf(const SQLite::Exception& error, const std::string& path) {
   const std::string message = absl::StrCat(path, ": ", error.what());
+  // The index of the log, when it is made.
+  if (error.getExtendedErrorCode() == SQLITE_IOERR_SHMSIZE) {
+    return absl::ResourceExhaustedError(message);
+  }
   switch (error.getErrorCode()) {
     case SQLITE_FULL:
       return absl::ResourceExhaustedError(message);
@@ -124,13 +132,19 @@ class SqliteJournal::Database {
 
   absl::Status Prepare(const std::string& path);
 
-  /// Calls `change` with the statements and commits.
-  void Commit(const std::function<void(SQLite::Statement& write,
+  /// Calls `change` with the statements and commits, with so many jobs more.
+  void Commit(std::int64_t new_jobs,
+              const std::function<void(SQLite::Statement& write,
                                        SQLite::Statement& remove)>& change);
 
+  /// Writes what is in the log to the tables, so that the next commit uses the
+  /// room of the log again.
+  void EmptyLog() { database_.exec("PRAGMA wal_checkpoint(RESTART)"); }
+
   SQLite::Database& database() { return database_; }
-  std::int64_t commits() {
-    return database_.execAndGet("SELECT commits FROM journal").getInt64();
+  JournalMark::State state() {
+    return {database_.execAndGet("SELECT commits FROM journal").getInt64(),
+            database_.execAndGet("SELECT jobs FROM journal").getInt64()};
   }
 
  private:
@@ -160,16 +174,24 @@ absl::Status SqliteJournal::Database::Prepare(const std::string& path) {
   }
   write_.emplace(database_, kWrite);
   remove_.emplace(database_, "DELETE FROM jobs WHERE id = ?");
-  count_.emplace(database_, "UPDATE journal SET commits = commits + 1");
+  count_.emplace(database_,
+                 "UPDATE journal SET commits = commits + 1, jobs = jobs + ?");
   return absl::OkStatus();
 }
 
 void SqliteJournal::Database::Commit(
+    std::int64_t new_jobs,
     const std::function<void(SQLite::Statement& write,
                              SQLite::Statement& remove)>& change) {
+  // A statement that failed would keep the log from being emptied.
+  const auto done = absl::MakeCleanup([this] {
+    for (auto* statement : {&write_, &remove_, &count_}) {
+      (*statement)->tryReset();
+    }
+  });
   SQLite::Transaction transaction(database_);
   change(*write_, *remove_);
-  count_->tryReset();
+  count_->bind(1, new_jobs);
   count_->exec();
   transaction.commit();
 }
@@ -198,11 +220,14 @@ struct SqliteJournal::Impl {
   /// After a commit.
   void SetMark();
 
+  /// After so many jobs came.
+  void Committed(std::int64_t new_jobs);
+
   const std::string path;
   JournalMark mark;
   DiskReserve reserve;
   std::unique_ptr<Database> database;
-  std::int64_t commits = 0;
+  JournalMark::State state;
   std::set<std::string> ids;
 };
 
@@ -213,8 +238,12 @@ absl::Status SqliteJournal::Impl::OpenDatabase() {
   });
 }
 
-void SqliteJournal::Impl::SetMark() {
-  mark.Write({commits, static_cast<std::int64_t>(ids.size())});
+void SqliteJournal::Impl::SetMark() { mark.Write(state); }
+
+void SqliteJournal::Impl::Committed(std::int64_t new_jobs) {
+  ++state.commits;
+  state.jobs += new_jobs;
+  SetMark();
 }
 
 absl::StatusOr<std::unique_ptr<SqliteJournal>> SqliteJournal::Open(
@@ -246,7 +275,7 @@ absl::StatusOr<SqliteJournal::Contents> SqliteJournal::Load() {
         contents.unreadable.push_back(id);
       }
     }
-    impl_->commits = impl_->database->commits();
+    impl_->state = impl_->database->state();
     return absl::OkStatus();
   }));
   impl_->CompareWithMark(contents);
@@ -256,52 +285,70 @@ absl::StatusOr<SqliteJournal::Contents> SqliteJournal::Load() {
 void SqliteJournal::Impl::CompareWithMark(Contents& contents) {
   const std::optional<JournalMark::State> seen = mark.Read();
   // One that lags behind says nothing of what came after it.
-  if (seen && seen->commits >= commits) {
-    contents.lost_changes = seen->commits - commits;
-    contents.lost_jobs = std::max<std::int64_t>(
-        0, seen->jobs - static_cast<std::int64_t>(ids.size()));
+  if (seen && seen->commits >= state.commits) {
+    contents.lost_changes = seen->commits - state.commits;
+    contents.lost_jobs = std::max<std::int64_t>(0, seen->jobs - state.jobs);
   }
   SetMark();
 }
 
 absl::Status SqliteJournal::Write(const std::vector<JobRecord>& records) {
   impl_->reserve.Refill();
+  const std::int64_t new_jobs = std::count_if(
+      records.begin(), records.end(),
+      [&](const JobRecord& job) { return impl_->ids.count(job.id) == 0; });
   ISOMATCH_RETURN_IF_ERROR(Guarded(impl_->path, [&] {
-    impl_->database->Commit([&](SQLite::Statement& write, SQLite::Statement&) {
-      for (const JobRecord& record : records) {
-        write.tryReset();
-        BindRecord(record, write);
-        write.exec();
-      }
-    });
+    impl_->database->Commit(new_jobs,
+                            [&](SQLite::Statement& write, SQLite::Statement&) {
+                              for (const JobRecord& record : records) {
+                                write.tryReset();
+                                BindRecord(record, write);
+                                write.exec();
+                              }
+                            });
     return absl::OkStatus();
   }));
   for (const JobRecord& record : records) impl_->ids.insert(record.id);
-  ++impl_->commits;
-  impl_->SetMark();
+  impl_->Committed(new_jobs);
   return absl::OkStatus();
 }
 
 absl::Status SqliteJournal::Remove(const std::vector<std::string>& ids) {
   const auto remove_all = [&] {
-    impl_->database->Commit([&](SQLite::Statement&, SQLite::Statement& remove) {
-      for (const std::string& id : ids) {
-        remove.tryReset();
-        remove.bind(1, id);
-        remove.exec();
-      }
-    });
+    impl_->database->Commit(0,
+                            [&](SQLite::Statement&, SQLite::Statement& remove) {
+                              for (const std::string& id : ids) {
+                                remove.tryReset();
+                                remove.bind(1, id);
+                                remove.exec();
+                              }
+                            });
     return absl::OkStatus();
   };
+  const auto empty_log_and_remove_all = [&] {
+    impl_->database->EmptyLog();
+    return remove_all();
+  };
   absl::Status removed = Guarded(impl_->path, remove_all);
+  if (MayPass(removed)) {
+    removed = Guarded(impl_->path, empty_log_and_remove_all);
+  }
   if (MayPass(removed) && impl_->reserve.Release()) {
-    removed = Guarded(impl_->path, remove_all);
+    removed = Guarded(impl_->path, empty_log_and_remove_all);
   }
   ISOMATCH_RETURN_IF_ERROR(removed);
   for (const std::string& id : ids) impl_->ids.erase(id);
-  ++impl_->commits;
-  impl_->SetMark();
+  impl_->Committed(0);
   return absl::OkStatus();
+}
+
+void SqliteJournal::Settle() {
+  // A connection of its own, beside which others write.
+  (void)Guarded(impl_->path, [&] {
+    SQLite::Database database(impl_->path, SQLite::OPEN_READWRITE);
+    database.exec("PRAGMA wal_checkpoint(PASSIVE)");
+    return absl::OkStatus();
+  });
 }
 
 }  // namespace isomatch

@@ -21,7 +21,7 @@ class SqliteJournal : public JobJournal {
  public:
   /// The version of the tables that this program writes. Older ones are brought
   /// up to it; newer ones are refused.
-  static constexpr int kSchemaVersion = 2;
+  static constexpr int kSchemaVersion = 3;
 
   /// Of PATH.reserve.
   static constexpr std::int64_t kReserveBytes = 1 << 20;
@@ -40,8 +40,8 @@ class SqliteJournal : public JobJournal {
     /// Ids of rows that this program cannot read, or that are not what was
     /// written; they are left alone.
     std::vector<std::string> unreadable;
-    /// Jobs that were here once, were not removed and are not here now; changes
-    /// that are not here any more. Told once.
+    /// Jobs that came and changes that were made after what is here now; a job
+    /// that was removed among them is here again. Told once.
     std::int64_t lost_jobs = 0;
     std::int64_t lost_changes = 0;
   };
@@ -54,6 +54,9 @@ class SqliteJournal : public JobJournal {
   /// is room to remove.
   absl::Status Write(const std::vector<JobRecord>& records) override;
   absl::Status Remove(const std::vector<std::string>& ids) override;
+
+  /// Bounds what is lost with the write-ahead log.
+  void Settle() override;
 
  private:
   class Database;

@@ -22,9 +22,13 @@ class FakeJournal : public JobJournal {
 
   absl::Status Remove(const std::vector<std::string>& ids) override {
     if (!failure.ok()) return failure;
+    if (removals_left == 0) return absl::ResourceExhaustedError("full");
+    --removals_left;
     for (const std::string& id : ids) kept.erase(id);
     return absl::OkStatus();
   }
+
+  void Settle() override { ++settled; }
 
   std::vector<JobRecord> Records() const {
     std::vector<JobRecord> records;
@@ -37,6 +41,9 @@ class FakeJournal : public JobJournal {
   /// What happens while the disk takes its time.
   std::function<void()> during_write;
   int writes = 0;
+  int settled = 0;
+  /// Until the disk is full for them too.
+  int removals_left = 1000;
 };
 
 }  // namespace isomatch

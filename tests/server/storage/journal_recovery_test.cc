@@ -1,6 +1,9 @@
 // What a journal notices of a disk that is full, and of files that were cut or
 // changed behind its back.
 
+#include <sys/wait.h>
+#include <unistd.h>
+
 #include <filesystem>
 #include <fstream>
 #include <memory>
@@ -15,6 +18,7 @@
 #include "server/storage/disk_reserve.h"
 #include "server/storage/job_record_codec.h"
 #include "server/storage/journal_mark.h"
+#include "server/storage/memory_job_store.h"
 #include "server/storage/sqlite_journal.h"
 #include "tests/support/matchers.h"
 #include "tests/support/small_disk.h"
@@ -133,6 +137,46 @@ TEST_F(JournalRecoveryTest, ALogThatWasCutOrFlippedIsNoticed) {
     EXPECT_GT(contents.lost_changes, 0);
     EXPECT_EQ(contents.lost_jobs + std::ssize(contents.records), 4);
   }
+}
+
+TEST_F(JournalRecoveryTest, AJobThatIsLostIsNotMadeUpForByOneThatIsBack) {
+  WriteJobs(2);
+  const auto size = fs::file_size(path_ + "-wal");
+  ASSERT_THAT(journal_->Write({JobNamed("a"), JobNamed("b")}), IsOk());
+  ASSERT_THAT(journal_->Remove({"job0", "job1"}), IsOk());
+  const auto contents = LoadAfter(
+      [&](const std::string& db) { fs::resize_file(db + "-wal", size); });
+  EXPECT_THAT(contents.records, SizeIs(2));
+  EXPECT_EQ(contents.lost_jobs, 2);
+  EXPECT_EQ(contents.lost_changes, 2);
+}
+
+TEST_F(JournalRecoveryTest, AJobInThePlaceOfAnUnreadableOneIsNoLoss) {
+  Open();
+  JobRecord record = JobNamed("job0");
+  record.request_id = "request";
+  ASSERT_THAT(journal_->Write({record}), IsOk());
+  journal_.reset();
+  SQLite::Database(path_, SQLite::OPEN_READWRITE)
+      .exec("UPDATE jobs SET record = x'00'");
+  Open();
+  EXPECT_THAT(journal_->Load()->unreadable, SizeIs(1));
+  record.id = "job1";
+  ASSERT_THAT(journal_->Write({record}), IsOk());
+  const auto contents = LoadAfter([](const std::string&) {});
+  EXPECT_THAT(contents.records, SizeIs(1));
+  EXPECT_EQ(contents.lost_jobs, 0);
+}
+
+TEST_F(JournalRecoveryTest, WhatWasSettledIsNotLostWithTheLog) {
+  WriteJobs(3);
+  journal_->Settle();
+  ASSERT_THAT(journal_->Write({JobNamed("late")}), IsOk());
+  const auto contents =
+      LoadAfter([](const std::string& db) { fs::remove(db + "-wal"); });
+  EXPECT_THAT(contents.records, SizeIs(3));
+  EXPECT_EQ(contents.lost_jobs, 1);
+  EXPECT_EQ(contents.lost_changes, 1);
 }
 
 TEST_F(JournalRecoveryTest, AMarkThatLagsBehindOrIsDamagedTellsNothing) {
@@ -277,15 +321,78 @@ TEST_F(FullDiskTest, AJournalOpensAndForgetsJobs) {
   EXPECT_THAT((*journal)->Load()->records, IsEmpty());
 }
 
+/// Writes as many jobs in a process that is killed then: its files stay as they
+/// are.
+void WriteInAProcessThatIsKilled(const std::string& path, int count) {
+  const pid_t child = fork();
+  if (child == 0) {
+    auto journal = SqliteJournal::Open(path);
+    bool is_written = journal.ok() && (*journal)->Load().ok();
+    for (int i = 0; i < count && is_written; ++i) {
+      is_written = (*journal)->Write({JobNamed(absl::StrCat("job", i))}).ok();
+    }
+    _exit(is_written ? 0 : 1);
+  }
+  int status = 1;
+  ASSERT_EQ(waitpid(child, &status, 0), child);
+  ASSERT_EQ(status, 0);
+}
+
 TEST_F(FullDiskTest, AJournalThatWasKilledOpensToo) {
-  auto killed = SqliteJournal::Open(path_);  // its log stays as it is
-  ASSERT_THAT(killed, IsOk());
-  ASSERT_THAT((*killed)->Write({JobNamed("job")}), IsOk());
+  for (const bool is_index_lost : {false, true}) {
+    fs::create_directory(disk_.Path("data"));
+    const std::string path = disk_.Path("data/jobs.sqlite");
+    WriteInAProcessThatIsKilled(path, 20);
+    ASSERT_TRUE(fs::exists(path + "-wal"));
+    if (is_index_lost) fs::remove(path + "-shm");
+    disk_.Fill();
+    auto journal = SqliteJournal::Open(path);
+    ASSERT_THAT(journal, IsOk());
+    const auto contents = (*journal)->Load();
+    EXPECT_THAT(contents->records, SizeIs(20));
+    EXPECT_EQ(contents->lost_jobs, 0);
+    for (int i = 0; i < 20; ++i) {
+      EXPECT_THAT((*journal)->Remove({absl::StrCat("job", i)}), IsOk());
+    }
+    *journal = nullptr;
+    disk_.Empty();
+    fs::remove_all(disk_.Path("data"));
+  }
+}
+
+TEST_F(FullDiskTest, HundredsOfJobsAreForgotten) {
+  constexpr int kJobs = 300;
+  std::vector<JobRecord> records;
+  for (int i = 0; i < 2 * kJobs; ++i) {
+    records.push_back(JobNamed(absl::StrCat("job", i)));
+    records.back().number = records.back().sequence =
+        static_cast<std::uint64_t>(i + 1);
+    records.back().state = JobState::kCancelled;
+    records.back().request_id = records.back().id;
+  }
+  {
+    auto journal = SqliteJournal::Open(path_);
+    ASSERT_THAT(journal, IsOk());
+    ASSERT_THAT((*journal)->Load(), IsOk());
+    ASSERT_THAT((*journal)->Write(records), IsOk());
+  }
   disk_.Fill();
   auto journal = SqliteJournal::Open(path_);
   ASSERT_THAT(journal, IsOk());
-  EXPECT_THAT((*journal)->Load()->records, SizeIs(1));
-  EXPECT_THAT((*journal)->Remove({"job"}), IsOk());
+  ASSERT_THAT((*journal)->Load(), IsOk());
+  for (int i = 0; i < kJobs; ++i) {  // one by one
+    ASSERT_THAT((*journal)->Remove({absl::StrCat("job", i)}), IsOk()) << i;
+  }
+  records.erase(records.begin(), records.begin() + kJobs);
+  MemoryJobStore store(records, journal->get(), [](const absl::Status& error) {
+    ADD_FAILURE() << error;
+  });
+  EXPECT_THAT(store.Prune({.ended_before = absl::InfiniteFuture()}),
+              SizeIs(kJobs));
+  *journal = nullptr;
+  journal = SqliteJournal::Open(path_);
+  ASSERT_THAT(journal, IsOk());
+  EXPECT_THAT((*journal)->Load()->records, IsEmpty());
 }
 
 }  // namespace

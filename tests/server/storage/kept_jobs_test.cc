@@ -30,6 +30,8 @@ class KeptJobsTest : public testing::Test {
       record.result.emplace();
       record.result->parts.push_back({ResultPart::kMap, id, bytes});
     }
+    record.end_time = end_time_;
+    record.end_steady = end_steady_;
     kept_.Add(record);
     records_[id] = record;
   }
@@ -43,6 +45,8 @@ class KeptJobsTest : public testing::Test {
   KeptJobs kept_;
   std::map<std::string, JobRecord> records_;
   std::uint64_t sequence_ = 0;
+  absl::Time end_time_ = absl::InfinitePast();
+  absl::Duration end_steady_ = -absl::InfiniteDuration();
 };
 
 TEST_F(KeptJobsTest, CancelledJobsPushOutNoResults) {
@@ -74,6 +78,44 @@ TEST_F(KeptJobsTest, TheLastToEndStaysUnlessItIsTooOld) {
   EXPECT_THAT(kept_.Excess({.max_result_bytes = 5}), ElementsAre("br1"));
   EXPECT_THAT(kept_.Excess({.ended_before = absl::InfiniteFuture()}),
               UnorderedElementsAre("ar1", "br1"));
+}
+
+TEST_F(KeptJobsTest, OneThatEndedInTheFutureHoldsUpNoOther) {
+  const absl::Time now = absl::UnixEpoch();
+  end_time_ = now + absl::Hours(1000);
+  End("future", "a", 10);
+  end_time_ = now - absl::Hours(2);
+  End("old", "a", 10);
+  end_time_ = now;
+  End("new", "a", 10);
+  EXPECT_THAT(kept_.Excess({.ended_before = now - absl::Hours(1)}),
+              ElementsAre("old"));
+  EXPECT_THAT(
+      kept_.Excess({.max_jobs = 1, .ended_before = now - absl::Hours(1)}),
+      ElementsAre("old", "future"));
+}
+
+TEST_F(KeptJobsTest, AJobIsTooOldByBothClocks) {
+  end_time_ = absl::UnixEpoch();
+  end_steady_ = absl::Hours(5);
+  End("here", "a", 10);
+  end_steady_ = -absl::InfiniteDuration();
+  End("before", "a", 10);
+  EXPECT_THAT(kept_.Excess({.ended_before = absl::InfiniteFuture(),
+                            .ended_before_steady = absl::Hours(5)}),
+              ElementsAre("before"));
+  EXPECT_THAT(kept_.Excess({.ended_before = absl::InfiniteFuture(),
+                            .ended_before_steady = absl::Hours(6)}),
+              ElementsAre("here", "before"));
+}
+
+TEST_F(KeptJobsTest, RoomIsMadeByTheOldestResults) {
+  EndMany("a", 3, 10);
+  EndMany("b", 2, 0);
+  End("last", "c", 10);
+  EXPECT_THAT(kept_.Excess({.room_bytes = 11}), ElementsAre("ar1", "ar2"));
+  EXPECT_THAT(kept_.Excess({.room_bytes = 1000}),
+              ElementsAre("ar1", "ar2", "ar3"));
 }
 
 TEST_F(KeptJobsTest, WhatIsRemovedCountsNoMore) {

@@ -185,6 +185,32 @@ TEST(MemoryJobStoreTest, PruneRemovesAllThatEndedTooLongAgo) {
   EXPECT_THAT(Ids(store.List({})), ElementsAre("c"));
 }
 
+TEST(MemoryJobStoreTest, ManyAreRemovedAsFarAsTheDiskGoes) {
+  FakeJournal journal;
+  int errors = 0;
+  MemoryJobStore store({}, &journal, [&](const absl::Status&) { ++errors; });
+  for (int i = 0; i < 100; ++i) {
+    ASSERT_THAT(store.Insert(NewJob(std::to_string(i))), IsOk());
+    Succeed(store, std::to_string(i), 10);
+  }
+  const KeepLimits all = {.ended_before = absl::InfiniteFuture()};
+  journal.removals_left = 2;
+  EXPECT_THAT(store.Prune(all), testing::SizeIs(64));
+  EXPECT_EQ(errors, 1);
+  EXPECT_THAT(store.List({}), testing::SizeIs(36));
+  EXPECT_THAT(journal.kept, testing::SizeIs(36));
+  journal.removals_left = 2;
+  EXPECT_THAT(store.Prune(all), testing::SizeIs(36));
+  EXPECT_EQ(errors, 1);
+}
+
+TEST(MemoryJobStoreTest, FlushingSettlesTheJournal) {
+  FakeJournal journal;
+  MemoryJobStore store({}, &journal, [](const absl::Status&) {});
+  store.Flush();
+  EXPECT_EQ(journal.settled, 1);
+}
+
 TEST(MemoryJobStoreTest, TenantsHaveTheirOwnRequestsAndLists) {
   MemoryJobStore store;
   JobRecord a = NewJob("a", "r");
