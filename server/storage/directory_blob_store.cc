@@ -1,7 +1,5 @@
 #include "server/storage/directory_blob_store.h"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <chrono>
 #include <filesystem>
@@ -178,7 +176,7 @@ void DirectoryBlobStore::BeginUnlink(std::list<BlobIndex::Entry>& evicted) {
 void DirectoryBlobStore::Unlink(const std::list<BlobIndex::Entry>& leaving) {
   for (const BlobIndex::Entry& entry : leaving) {
     try {
-      unlink(PathOf(entry.key).c_str());
+      options_.remove(PathOf(entry.key));
     } catch (const std::bad_alloc&) {  // as above
     }
   }
@@ -407,7 +405,7 @@ absl::Status DirectoryBlobStore::TryWriting(std::int64_t bytes) {
     ISOMATCH_RETURN_IF_ERROR(MakeFolder(fs::path(path).parent_path()));
     ISOMATCH_RETURN_IF_ERROR(
         options_.write(path, absl::StrCat(path, ".new"), content));
-    unlink(path.c_str());
+    RemoveFile(path);
     return TryTakingRoom(path, bytes + kTryMore);
   } catch (const std::bad_alloc&) {
     return absl::ResourceExhaustedError("no memory to write it");

@@ -39,6 +39,8 @@ class DirectoryBlobStore : public BlobStore {
     /// As AboutFile; tests make it fail.
     std::function<absl::StatusOr<FileAbout>(const std::string& path)> look =
         AboutFile;
+    /// As RemoveFile; tests make it slow.
+    std::function<void(const std::string& path)> remove = RemoveFile;
     /// Told of each folder that could not be read at the start.
     OnUnreadable on_unreadable = [](auto&&, auto&&) {};
     /// False: names are not the digests of the content, which is not checked.

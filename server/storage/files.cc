@@ -169,6 +169,8 @@ absl::Status TryTakingRoom(const std::string& path, std::int64_t bytes) {
   return taken;
 }
 
+void RemoveFile(const std::string& path) { unlink(path.c_str()); }
+
 void EmptyFolder(const std::string& path) {
   namespace fs = std::filesystem;
   std::error_code error;

@@ -47,6 +47,9 @@ absl::StatusOr<FileAbout> AboutFile(const std::string& path);
 /// Errors as WriteFileDurably.
 absl::Status TryTakingRoom(const std::string& path, std::int64_t bytes);
 
+/// Removes the file, if it is there and can be.
+void RemoveFile(const std::string& path);
+
 /// Removes what is in the folder, as far as possible; it stays itself, so that
 /// a full disk need not make it again.
 void EmptyFolder(const std::string& path);

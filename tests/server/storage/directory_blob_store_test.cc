@@ -3,6 +3,8 @@
 #include <sys/resource.h>
 #include <sys/stat.h>
 
+#include <atomic>
+#include <chrono>
 #include <filesystem>
 #include <fstream>
 #include <memory>
@@ -177,10 +179,11 @@ TEST_F(DirectoryBlobStoreTest, RemovingFindsAFileToo) {
 
 TEST_F(DirectoryBlobStoreTest, OnlyNamesOfBlobsAreLookedFor) {
   Open();
-  std::ofstream(root_ + "/secret") << "secret";
-  for (const std::string name : {"../../secret", "..", ""}) {
-    EXPECT_THAT(store_->Get({"tenant", name}), IsGone());
+  std::filesystem::create_directory(root_ + "/tenant");
+  std::ofstream(root_ + "/tenant/secret") << "secret";
+  for (const std::string name : {"./secret", "..", ""}) {
     EXPECT_FALSE(store_->Has({"tenant", name}));
+    EXPECT_THAT(store_->Get({"tenant", name}), IsGone());
   }
 }
 
@@ -401,24 +404,31 @@ TEST_F(DirectoryBlobStoreTest, ManyThreadsGetWhatWasPut) {
   EXPECT_LE(store_->size_bytes(), 300);
 }
 
-TEST_F(DirectoryBlobStoreTest, WhatOneThreadHasPinnedNoOtherRemoves) {
-  Open(300);
-  const auto work = [&](int seed) {
-    for (int i = 0; i < 200; ++i) {
-      const std::string bytes(static_cast<size_t>(30 + (seed + i) % 3), 'b');
-      ASSERT_THAT(store_->Put(KeyOf(bytes), bytes, Keep::kPinned), IsOk());
-      std::ifstream file(root_ + "/tenant/" + KeyOf(bytes).sha256.substr(0, 2) +
-                         "/" + KeyOf(bytes).sha256);
-      EXPECT_TRUE(file.is_open());
-      store_->Unpin(KeyOf(bytes));
-      store_->Remove(KeyOf(bytes));
-    }
-  };
-  std::vector<std::thread> threads;
-  for (int i = 0; i < 4; ++i) threads.emplace_back(work, i);
-  for (std::thread& thread : threads) thread.join();
-  EXPECT_THAT(FilesBelow(root_), IsEmpty());
-  EXPECT_EQ(store_->size_bytes(), 0);
+TEST_F(DirectoryBlobStoreTest, WhatIsPutWhileItIsRemovedIsThere) {
+  std::unique_ptr<DirectoryBlobStore> store;
+  std::thread putting;
+  std::atomic<bool> is_put = false;
+  auto opened = DirectoryBlobStore::Open(
+      root_, 300, {.remove = [&](const std::string& path) {
+        EXPECT_TRUE(store->Has(KeyOf("other")));  // nobody waits for this
+        putting = std::thread([&] {
+          EXPECT_THAT(store->Put(KeyOf("same"), "same", Keep::kPinned), IsOk());
+          is_put = true;
+        });
+        // It would be there by then, most likely, if it were not held up.
+        for (int i = 0; i < 20 && !is_put; ++i) {
+          std::this_thread::sleep_for(std::chrono::milliseconds(10));
+        }
+        RemoveFile(path);
+      }});
+  ASSERT_THAT(opened, IsOk());
+  store = *std::move(opened);
+  ASSERT_THAT(store->Put(KeyOf("other"), "other", Keep::kWhileRoom), IsOk());
+  ASSERT_THAT(store->Put(KeyOf("same"), "same", Keep::kWhileRoom), IsOk());
+  store->Remove(KeyOf("same"));
+  putting.join();
+  EXPECT_EQ(**store->Get(KeyOf("same")), "same");
+  EXPECT_THAT(FilesBelow(root_), SizeIs(2));
 }
 
 TEST(DirectoryBlobStoreRoomTest, RoomIsTriedWithoutTakingIt) {
