@@ -1,7 +1,6 @@
 #include "server/server.h"
 
 #include <algorithm>
-#include <chrono>
 #include <functional>
 #include <limits>
 #include <mutex>
@@ -94,25 +93,6 @@ std::int64_t ChooseMaxResidentBytes(const ServerConfig& config) {
   return std::min(wanted,
                   static_cast<std::int64_t>(
                       kMost * static_cast<double>(AvailableMemoryBytes())));
-}
-
-std::string ClockPath(const ServerConfig& config) {
-  return absl::StrCat(config.data_dir, "/clock");
-}
-
-RetentionClock::Parts MakeClockParts(const ServerConfig& config) {
-  return {.now = absl::Now,
-          .steady =
-              [] {
-                return absl::FromChrono(
-                    std::chrono::steady_clock::now().time_since_epoch());
-              },
-          .save = [path = ClockPath(config)](
-                      absl::Time time) { SaveLastSeen(path, time); },
-          .on_change =
-              [](bool is_believed, const std::string& why) {
-                Log(is_believed ? LogLevel::kInfo : LogLevel::kWarning, why);
-              }};
 }
 
 ConnectionLimits MakeConnectionLimits(const ServerConfig& config) {
@@ -254,7 +234,7 @@ Server::Impl::Impl(const ServerConfig& config, MatchEngine engine,
       upload_calls_(&all_upload_calls_, TenantLimitsOf(config).uploads),
       runner_(std::move(engine), absl::Now,
               config.prepared_cache_bytes > 0 ? &prepared_ : nullptr),
-      retention_clock_(MakeClockParts(config), LoadLastSeen(ClockPath(config))),
+      retention_clock_(MakeClockParts(config), stores_.last_seen),
       workers_(std::make_unique<ThreadPool>(config.workers)),
       timers_(std::make_unique<ThreadPool>(1)),
       intake_(std::make_unique<ThreadPool>(IntakeThreads(config))),
@@ -309,7 +289,8 @@ JobManager::Parts Server::Impl::MakeJobParts() {
   parts.load_spec = [this](const JobRecord& record) {
     return LoadJobSpec(record, context_.parse);
   };
-  if (config_.is_durable()) parts.retention_clock = &retention_clock_;
+  parts.disk = disk_.get();
+  parts.retention_clock = &retention_clock_;
   parts.on_storage = [this](const absl::Status& storage) {
     if (!config_.listen.empty()) LogStorage(storage);
   };
@@ -340,20 +321,19 @@ JobManager::MemoryFigures Server::Impl::ReadMemory() const {
 LoadFigures Server::Impl::ReadLoad() {
   const JobManager::Load load = manager_.load();
   const PreparedCache::Counts prepared = prepared_.counts();
-  LoadFigures figures = {
-      .held_for_storage = load.can_store ? 0 : load.queued_jobs,
-      .held_for_inputs = load.held_jobs,
-      .running_jobs = load.running_jobs,
-      .stuck_workers = load.stuck_jobs,
-      .watchers = manager_.watchers().size(),
-      .memory_budget_bytes = budget_.total_bytes(),
-      .memory_reserved_bytes = budget_.reserved_bytes(),
-      .memory_measured_bytes = PeakResidentBytes(),
-      .stored_bytes = stores_.blobs->size_bytes(),
-      .prepared_bytes = prepared_.size_bytes(),
-      .prepared_in_memory = prepared.in_memory,
-      .prepared_on_disk = prepared.on_disk,
-      .prepared_missing = prepared.missing};
+  LoadFigures figures = {.held_for_storage = load.held_for_storage,
+                         .held_for_inputs = load.held_jobs,
+                         .running_jobs = load.running_jobs,
+                         .stuck_workers = load.stuck_jobs,
+                         .watchers = manager_.watchers().size(),
+                         .memory_budget_bytes = budget_.total_bytes(),
+                         .memory_reserved_bytes = budget_.reserved_bytes(),
+                         .memory_measured_bytes = PeakResidentBytes(),
+                         .stored_bytes = stores_.blobs->size_bytes(),
+                         .prepared_bytes = prepared_.size_bytes(),
+                         .prepared_in_memory = prepared.in_memory,
+                         .prepared_on_disk = prepared.on_disk,
+                         .prepared_missing = prepared.missing};
   for (const auto& [priority, count] : manager_.queued_by_priority()) {
     int& level = priority < 0    ? figures.queued_low
                  : priority == 0 ? figures.queued_normal

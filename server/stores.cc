@@ -1,7 +1,10 @@
 #include "server/stores.h"
 
+#include <algorithm>
+#include <chrono>
 #include <cstdint>
 #include <utility>
+#include <vector>
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
@@ -42,8 +45,41 @@ void LogLosses(const std::string& path,
       {{"lost_jobs", lost}, {"lost_changes", contents.lost_changes}});
 }
 
+void LogUnreadable(const std::string& folder, const std::string& why) {
+  Log(LogLevel::kError,
+      absl::StrCat("the folder ", folder, " cannot be read: ", why,
+                   "; jobs that need what is in it wait for it"));
+}
+
+std::string ClockPath(const std::string& folder) {
+  return absl::StrCat(folder, "/clock");
+}
+
+absl::Time LoadLastSeen(const std::string& path) {
+  constexpr std::int64_t kMostBytes = 64;
+  const auto text = ReadWholeFile(path, kMostBytes);
+  std::int64_t seconds = 0;
+  if (!text.ok() || !absl::SimpleAtoi(*text, &seconds)) {
+    return absl::InfinitePast();
+  }
+  return absl::FromUnixSeconds(seconds);
+}
+
+/// The latest of these times, if there is any.
+std::optional<absl::Time> Latest(absl::Time saved,
+                                 const std::vector<JobRecord>& records) {
+  absl::Time latest = saved;
+  for (const JobRecord& record : records) {
+    latest = std::max(
+        {latest, record.create_time, record.start_time, record.end_time});
+  }
+  if (latest == absl::InfinitePast()) return std::nullopt;
+  return latest;
+}
+
 /// The job store as the last process left it.
-absl::Status OpenJobs(const std::string& path, Stores& stores) {
+absl::Status OpenJobs(const std::string& folder, Stores& stores) {
+  const std::string path = absl::StrCat(folder, "/jobs.sqlite");
   ISOMATCH_ASSIGN_OR_RETURN(std::unique_ptr<SqliteJournal> journal,
                             SqliteJournal::Open(path));
   ISOMATCH_ASSIGN_OR_RETURN(SqliteJournal::Contents contents, journal->Load());
@@ -54,6 +90,7 @@ absl::Status OpenJobs(const std::string& path, Stores& stores) {
         {{"job", id}});
   }
   LogLosses(path, contents);
+  stores.last_seen = Latest(LoadLastSeen(ClockPath(folder)), contents.records);
   stores.jobs = std::make_unique<MemoryJobStore>(std::move(contents.records),
                                                  journal.get(), LogJournalError,
                                                  FirstNumber());
@@ -61,20 +98,41 @@ absl::Status OpenJobs(const std::string& path, Stores& stores) {
   return absl::OkStatus();
 }
 
-}  // namespace
-
-std::optional<absl::Time> LoadLastSeen(const std::string& path) {
-  constexpr std::int64_t kMostBytes = 64;
-  const auto text = ReadWholeFile(path, kMostBytes);
-  std::int64_t seconds = 0;
-  if (!text.ok() || !absl::SimpleAtoi(*text, &seconds)) return std::nullopt;
-  return absl::FromUnixSeconds(seconds);
+/// On a full disk with the room of all that nobody needs.
+absl::Status OpenJobsWithRoom(const std::string& folder, Stores& stores) {
+  const std::string prepared = absl::StrCat(folder, "/prepared");
+  DirectoryBlobStore::Tidy(absl::StrCat(folder, "/blobs"));
+  DirectoryBlobStore::Tidy(prepared);
+  const absl::Status opened = OpenJobs(folder, stores);
+  if (!absl::IsResourceExhausted(opened)) return opened;
+  Log(LogLevel::kWarning,
+      absl::StrCat(opened.message(), "; gives up what is in ", prepared));
+  EmptyFolder(prepared);
+  return OpenJobs(folder, stores);
 }
 
-void SaveLastSeen(const std::string& path, absl::Time time) {
-  // A disk that refuses will take a later one.
-  (void)WriteFileDurably(path, path + ".new",
-                         absl::StrCat(absl::ToUnixSeconds(time), "\n"));
+}  // namespace
+
+RetentionClock::Parts MakeClockParts(const ServerConfig& config) {
+  const auto steady = [] {
+    return absl::FromChrono(
+        std::chrono::steady_clock::now().time_since_epoch());
+  };
+  const auto save = [path = ClockPath(config.data_dir)](absl::Time time) {
+    // A disk that refuses will take a later one.
+    (void)WriteFileDurably(path, path + ".new",
+                           absl::StrCat(absl::ToUnixSeconds(time), "\n"));
+  };
+  RetentionClock::Parts parts = {
+      .now = absl::Now,
+      .steady = steady,
+      .save = [](absl::Time) {},
+      .on_change =
+          [](bool is_believed, const std::string& why) {
+            Log(is_believed ? LogLevel::kInfo : LogLevel::kWarning, why);
+          }};
+  if (config.is_durable()) parts.save = save;
+  return parts;
 }
 
 absl::StatusOr<Stores> OpenStores(const ServerConfig& config) {
@@ -90,11 +148,11 @@ absl::StatusOr<Stores> OpenStores(const ServerConfig& config) {
   stores.lock.emplace(std::move(lock));
   stores.traces =
       std::make_unique<TraceFile>(absl::StrCat(folder, "/running.json"));
-  ISOMATCH_RETURN_IF_ERROR(
-      OpenJobs(absl::StrCat(folder, "/jobs.sqlite"), stores));
+  ISOMATCH_RETURN_IF_ERROR(OpenJobsWithRoom(folder, stores));
   ISOMATCH_ASSIGN_OR_RETURN(
       stores.blobs, DirectoryBlobStore::Open(absl::StrCat(folder, "/blobs"),
-                                             config.blob_store_bytes));
+                                             config.blob_store_bytes,
+                                             {.on_unreadable = LogUnreadable}));
   if (config.prepared_cache_bytes > 0 && config.prepared_store_bytes > 0) {
     ISOMATCH_ASSIGN_OR_RETURN(
         stores.prepared,

@@ -6,6 +6,7 @@
 
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
+#include "server/jobs/retention_clock.h"
 #include "server/server_config.h"
 #include "server/storage/blob_store.h"
 #include "server/storage/files.h"
@@ -26,17 +27,21 @@ struct Stores {
   std::unique_ptr<BlobStore> prepared;
   /// Null without a data directory.
   std::unique_ptr<TraceStore> traces;
+  /// The latest time that is known to have been: the last that a server
+  /// believed, or one of a job.
+  std::optional<absl::Time> last_seen;
 };
 
 /// Opens the stores in config.data_dir, which is made if need be: jobs.sqlite,
-/// running.json and the folders blobs and prepared. In memory when the
+/// running.json and the folders blobs and prepared; on a full disk what is in
+/// prepared is given up for the others. In memory when the
 /// configuration is not durable. Errors name the directory: FAILED_PRECONDITION
 /// when another server uses it, or a newer version wrote it; UNAVAILABLE when
 /// it cannot be used; DATA_LOSS when it is damaged.
 absl::StatusOr<Stores> OpenStores(const ServerConfig& config);
 
-// The time that a server last believed, in a small file; see RetentionClock.
-std::optional<absl::Time> LoadLastSeen(const std::string& path);
-void SaveLastSeen(const std::string& path, absl::Time time);
+/// The clocks of this machine; what was believed is saved for
+/// Stores::last_seen, if the configuration is durable. The log is told.
+RetentionClock::Parts MakeClockParts(const ServerConfig& config);
 
 }  // namespace isomatch

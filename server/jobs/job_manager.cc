@@ -1,7 +1,6 @@
 #include "server/jobs/job_manager.h"
 
 #include <algorithm>
-#include <chrono>
 #include <new>
 #include <utility>
 
@@ -22,10 +21,6 @@ constexpr absl::Duration kRetentionInterval = absl::Minutes(1);
 /// Starts of a job after which it runs alone: the server went down with it each
 /// time, and nothing told whose fault it was.
 constexpr int kAloneAfter = 3;
-
-absl::Duration SteadyTime() {
-  return absl::FromChrono(std::chrono::steady_clock::now().time_since_epoch());
-}
 
 bool CanMove(JobState from, JobState to) {
   if (from == JobState::kQueued) {
@@ -76,7 +71,7 @@ JobManager::JobManager(const Limits& limits, const Parts& parts)
              }),
       queue_(limits.max_passes, limits.tenant.running_jobs),
       threads_(limits.workers),
-      runs_(parts.uptime ? parts.uptime : SteadyTime) {}
+      runs_([this] { return Uptime(); }) {}
 
 // Asking.
 
@@ -138,8 +133,14 @@ absl::StatusOr<JobPart> JobManager::GetPart(const Caller& caller,
 
 JobManager::Load JobManager::load() const {
   MutexLock lock(mutex_);
-  return {queue_.size(), running_ - stuck_,  stuck_,
-          draining_,     queue_.CountHeld(), gate_.is_open()};
+  const bool can_store = gate_.is_open();
+  return {queue_.size(),
+          running_ - stuck_,
+          stuck_,
+          draining_,
+          queue_.CountHeld(),
+          can_store,
+          can_store ? queue_.CountAwaitingRoom() : queue_.size()};
 }
 
 std::map<std::int32_t, int> JobManager::queued_by_priority() const {
@@ -155,7 +156,9 @@ JobSnapshot JobManager::SnapshotOf(JobRecord record) const {
   snapshot.queue_position = queue_.JobsAhead(snapshot.record.id);
   const auto live = live_.find(snapshot.record.id);
   if (live != live_.end() && live->second->is_held) {
-    snapshot.waiting_for = WaitReason::kInputs;
+    snapshot.waiting_for = live->second->awaited_bytes > 0
+                               ? WaitReason::kStorage
+                               : WaitReason::kInputs;
   }
   return snapshot;
 }
@@ -335,9 +338,10 @@ std::shared_ptr<LiveJob> JobManager::NewLive(const JobRecord& record) {
                                     ? record.memory_estimate_bytes
                                     : parts_.budget->total_bytes();
   if (const auto limit = record.queue_timeout) {
-    const absl::Duration left = record.create_time + *limit - parts_.now();
+    const absl::Duration left = record.create_time + *limit - BelievedTime();
     live->timer = parts_.timers->PostAfter(
-        std::max(left, absl::ZeroDuration()), [this, id = record.id, limit] {
+        std::clamp(left, absl::ZeroDuration(), *limit),
+        [this, id = record.id, limit] {
           FailIfStill(JobState::kQueued, id, QueueTimeout(*limit));
         });
   }
@@ -373,12 +377,15 @@ void JobManager::PushLocked(const std::shared_ptr<LiveJob>& live) {
 }
 
 void JobManager::ForgetOld() {
+  // The next time first: memory may end.
+  Executor::Timer next = parts_.timers->PostAfter(
+      kRetentionInterval, [this] { OnDisk([this] { ForgetOld(); }); });
+  {
+    MutexLock lock(mutex_);
+    if (!draining_) std::swap(retention_timer_, next);
+  }
   parts_.jobs->Flush();
   Prune();
-  Executor::Timer next =
-      parts_.timers->PostAfter(kRetentionInterval, [this] { ForgetOld(); });
-  MutexLock lock(mutex_);
-  if (!draining_) retention_timer_ = std::move(next);
 }
 
 // Changing it.
@@ -391,8 +398,10 @@ absl::StatusOr<JobRecord> JobManager::Move(const std::string& id, JobState to,
                                 return JobIsTerminal(id, record.state);
                               if (edit) ISOMATCH_RETURN_IF_ERROR(edit(record));
                               record.state = to;
-                              if (IsTerminal(to))
+                              if (IsTerminal(to)) {
                                 record.end_time = parts_.now();
+                                record.end_steady = Uptime();
+                              }
                               if (to == JobState::kQueued) Rewind(record);
                               return absl::OkStatus();
                             }));
@@ -428,13 +437,6 @@ absl::StatusOr<JobRecord> JobManager::Replace(const std::string& id,
     ISOMATCH_RETURN_IF_ERROR(edit(*record));
     auto changed = parts_.jobs->Update(*std::move(record));
     if (!absl::IsAborted(changed.status())) return changed;
-  }
-}
-
-void JobManager::UnpinParts(const std::string& tenant,
-                            const JobResult& result) {
-  for (const StoredPart& part : result.parts) {
-    parts_.blobs->Unpin({tenant, part.sha256});
   }
 }
 

@@ -78,7 +78,8 @@ struct JobPart {
 ///
 /// A job whose result the disk refuses, or whose inputs cannot be read just
 /// now, goes back to QUEUED and starts again when that is over; its attempt
-/// does not count. While results cannot be stored no job starts.
+/// does not count. While nothing can be stored no job starts; one whose result
+/// alone is too large for the disk waits alone.
 ///
 /// With durable stores, jobs go back to QUEUED when the server stops, or starts
 /// again after a crash, and run then; without, they become CANCELLED.
@@ -106,7 +107,7 @@ struct JobPart {
 /// does not answer for two seconds is stuck at once, and on_give_up called.
 ///
 /// Thread-safe. The mutex is never held while the store, a watcher, the match
-/// or an executor is called.
+/// or an executor is called (but `disk`, which is asked nothing after Drain).
 class JobManager {
  public:
   struct Limits {
@@ -168,6 +169,8 @@ class JobManager {
     /// Told why results cannot be stored, then OK when they can again. May be
     /// empty.
     std::function<void(const absl::Status&)> on_storage = {};
+    /// One thread for what waits for the disk; null: that of the timers.
+    Executor* disk = nullptr;
     /// Null: the clock is always believed.
     RetentionClock* retention_clock = nullptr;
 
@@ -197,6 +200,8 @@ class JobManager {
     int held_jobs;
     /// Whether results can be stored, as far as is known.
     bool can_store;
+    /// Those of the queued that wait until they can.
+    int held_for_storage;
   };
 
   JobManager(const Limits& limits, const Parts& parts);
@@ -316,7 +321,7 @@ class JobManager {
                                      const JobRecord& record);
   void ReportProgress(const std::string& id, const JobProgress& progress);
   void FailToStart(const std::string& id, const absl::Status& error);
-  void Finish(const LiveJob& live, const JobRecord& record,
+  void Finish(LiveJob& live, const JobRecord& record,
               absl::StatusOr<RunOutcome> outcome);
   void PutBack(const std::string& id);
   bool HasFreedMemory(const std::string& id);
@@ -335,10 +340,17 @@ class JobManager {
   // Waiting for the disk.
   StorageGate::Parts MakeGateParts();
   /// Makes the job QUEUED again if `error` may pass; false if not.
-  bool WaitForStorage(const JobRecord& record, std::int64_t result_bytes,
-                      const absl::Status& error);
+  bool WaitForStorage(LiveJob& live, const JobRecord& record,
+                      std::int64_t result_bytes, const absl::Status& error);
   void Hold(const std::shared_ptr<LiveJob>& live);
+  /// When its time has come: lets it start, or looks first if there is room.
   void LetStart(const std::weak_ptr<LiveJob>& weak);
+  void EndHold(LiveJob& live);
+  bool IsHeldLocked(const std::shared_ptr<LiveJob>& live) const
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  Executor::Timer HoldTimer(const std::shared_ptr<LiveJob>& live,
+                            int times_held);
+  void OnDisk(std::function<void()> work);
 
   // Ending it early.
   absl::Status Stop(const std::string& id, JobState to, const Edit& edit = {});
@@ -394,12 +406,18 @@ class JobManager {
 
   JobSnapshot SnapshotOf(JobRecord record) const;
 
-  /// Lets go of the parts that StoreParts stored, and of what StoreInputs did.
-  void UnpinParts(const std::string& tenant, const JobResult& result);
+  /// Removes the parts that StoreParts stored, if nobody else has them, and
+  /// lets go of what StoreInputs did.
+  void RemoveParts(const std::string& tenant, const JobResult& result);
   void UnpinInputs(const JobRecord& record);
 
-  /// Forgets the jobs that are too old or too many.
-  void Prune();
+  /// Forgets the jobs that are too old or too many, and results of so many
+  /// bytes.
+  void Prune(std::int64_t room_bytes = 0);
+
+  // What jobs age by.
+  absl::Time BelievedTime() const;
+  absl::Duration Uptime() const;
 
   /// Removes the results of jobs that are gone, and their requests.
   void Forget(const std::vector<JobRecord>& removed);

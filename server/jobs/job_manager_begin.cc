@@ -26,6 +26,7 @@ void JobManager::Begin() {
     TakeUp(record, blame);
   }
   ForgetOld();
+  if (load().queued_jobs > 0) (void)gate_.Check();
   if (parts_.watch != nullptr) Watch();
   {
     MutexLock lock(mutex_);
@@ -48,12 +49,12 @@ Blame JobManager::FindBlame(const std::vector<JobRecord>& records) {
 void JobManager::PinBlobs(const JobRecord& record) {
   if (record.result) {
     for (const StoredPart& part : record.result->parts) {
-      (void)parts_.blobs->Pin({record.tenant, part.sha256});
+      parts_.blobs->PinWhenThere({record.tenant, part.sha256});
     }
   }
   if (IsTerminal(record.state)) return;
   for (const std::string& sha256 : record.inputs) {
-    (void)parts_.blobs->Pin({record.tenant, sha256});
+    parts_.blobs->PinWhenThere({record.tenant, sha256});
   }
 }
 

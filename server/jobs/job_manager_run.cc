@@ -63,8 +63,8 @@ void JobManager::Run(const std::shared_ptr<LiveJob>& live) {
   const auto record = WithinMemory([&] { return Start(*live); });
   if (record.ok()) {
     auto outcome = WithinMemory([&] { return Execute(*live, *record); });
-    is_held = IsContentUnavailable(outcome.status());
     Finish(*live, *record, std::move(outcome));
+    is_held = live->unreadable > 0 || live->awaited_bytes > 0;
   } else {
     FailToStart(live->id, record.status());
   }
@@ -137,7 +137,7 @@ void JobManager::FailToStart(const std::string& id, const absl::Status& error) {
   });
 }
 
-void JobManager::Finish(const LiveJob& live, const JobRecord& record,
+void JobManager::Finish(LiveJob& live, const JobRecord& record,
                         absl::StatusOr<RunOutcome> outcome) {
   absl::Status status = outcome.status();
   std::int64_t bytes = 0;
@@ -145,14 +145,19 @@ void JobManager::Finish(const LiveJob& live, const JobRecord& record,
     for (const EncodedPart& part : outcome->parts) {
       bytes += static_cast<std::int64_t>(part.bytes.size());
     }
-    status = WithinMemory([&] { return Succeed(record, *std::move(outcome)); });
+    status = WithinMemory([&] {
+      if (!parts_.blobs->CanMakeRoom(bytes)) Prune(bytes);
+      return Succeed(record, *std::move(outcome));
+    });
   }
   if (status.ok()) return;
   // All are refused when it was cancelled, timed out or given up before.
   WhenThereIsMemory([&] {
     if (live.stop.stop_requested()) {
+      live.awaited_bytes = 0;
+      live.unreadable = 0;
       PutBack(record.id);
-    } else if (!WaitForStorage(record, bytes, status)) {
+    } else if (!WaitForStorage(live, record, bytes, status)) {
       Fail(record, status);
     }
   });
@@ -192,7 +197,7 @@ absl::Status JobManager::Succeed(const JobRecord& record, RunOutcome outcome) {
     return StoreParts(record.tenant, std::move(outcome.parts), result);
   });
   if (!stored.ok()) {
-    UnpinParts(record.tenant, result);
+    RemoveParts(record.tenant, result);
     return stored;
   }
   const absl::Status moved = WithinMemory([&] {
@@ -210,7 +215,7 @@ absl::Status JobManager::Succeed(const JobRecord& record, RunOutcome outcome) {
     // Memory may have ended after it had moved.
     const std::optional<JobRecord> now = parts_.jobs->Get(record.id);
     if (now && now->state == JobState::kSucceeded) return;
-    UnpinParts(record.tenant, std::exchange(result, {}));
+    RemoveParts(record.tenant, std::exchange(result, {}));
   });
   return moved;
 }

@@ -124,8 +124,16 @@ void JobQueue::EndHold(LiveJob& job) {
 
 int JobQueue::CountHeld() const {
   return static_cast<int>(
-      std::count_if(by_id_.begin(), by_id_.end(),
-                    [](const auto& entry) { return entry.second->is_held; }));
+      std::count_if(by_id_.begin(), by_id_.end(), [](const auto& entry) {
+        return entry.second->is_held && entry.second->awaited_bytes == 0;
+      }));
+}
+
+int JobQueue::CountAwaitingRoom() const {
+  return static_cast<int>(
+      std::count_if(by_id_.begin(), by_id_.end(), [](const auto& entry) {
+        return entry.second->is_held && entry.second->awaited_bytes > 0;
+      }));
 }
 
 std::map<std::int32_t, int> JobQueue::CountByPriority() const {

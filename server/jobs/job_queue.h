@@ -45,6 +45,10 @@ struct LiveJob {
   /// It does not start for now; how often that was so.
   bool is_held = false;
   int times_held = 0;
+  /// What its result takes, while it is held for that; else its inputs cannot
+  /// be read, so often one after the other.
+  std::int64_t awaited_bytes = 0;
+  int unreadable = 0;
   /// Of the queue timeout, then of the run timeout.
   Executor::Timer timer;
 
@@ -55,6 +59,8 @@ struct LiveJob {
     turn_before = other.turn_before;
     turn = other.turn;
     times_held = other.times_held;
+    awaited_bytes = other.awaited_bytes;
+    unreadable = other.unreadable;
   }
 
   /// Gives back reservation and timer.
@@ -133,8 +139,9 @@ class JobQueue {
 
   int size() const { return static_cast<int>(by_id_.size()); }
 
-  /// How many of the jobs are held.
+  /// How many of the jobs are held, for their inputs and for room.
   int CountHeld() const;
+  int CountAwaitingRoom() const;
 
   /// How many jobs wait, by priority.
   std::map<std::int32_t, int> CountByPriority() const;

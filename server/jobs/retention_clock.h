@@ -10,17 +10,21 @@
 
 namespace isomatch {
 
-/// Whether the wall clock may be believed, before something is deleted because
-/// it is old: a machine that starts with a wrong clock is put right later, what
-/// was deleted does not come back. A clock that is more than kJump ahead of
-/// what the last process saw, or moves by more than that against the steady
-/// clock, is believed once it has been steady for kGrace.
+/// What time may be believed, before something is deleted because it is old: a
+/// machine that starts with a wrong clock is put right later, what was deleted
+/// does not come back. A wall clock that is more than kJump away from what the
+/// last process saw, or moves by more than that against the steady clock, is
+/// believed once it has been steady for kGrace. Until then it is as late as the
+/// time that was believed last, and what the steady clock has counted since,
+/// at most: then all is only older than it seems.
 ///
 /// Thread-safe.
 class RetentionClock {
  public:
   static constexpr absl::Duration kJump = absl::Hours(1);
-  static constexpr absl::Duration kGrace = absl::Minutes(10);
+  /// A wrong clock is put right by then: a client of NTP that finds no server
+  /// tries again each half an hour, a person on the next day.
+  static constexpr absl::Duration kGrace = absl::Hours(24);
 
   struct Parts {
     std::function<absl::Time()> now;
@@ -32,11 +36,12 @@ class RetentionClock {
     std::function<void(bool is_believed, const std::string& why)> on_change;
   };
 
-  /// `last_seen`: what was saved last; not set when nothing was.
+  /// `last_seen`: what was saved last, or later in what was stored; not set
+  /// when there is nothing.
   RetentionClock(Parts parts, std::optional<absl::Time> last_seen);
 
-  /// Looks at the clocks.
-  bool IsBelieved();
+  /// Looks at the clocks. Never later than the wall clock.
+  absl::Time Now();
 
  private:
   struct Reading {
@@ -51,6 +56,8 @@ class RetentionClock {
   const Parts parts_;
   Mutex mutex_;
   Reading last_ ABSL_GUARDED_BY(mutex_);
+  /// What was believed at `last_`.
+  absl::Time believed_ ABSL_GUARDED_BY(mutex_);
   std::optional<absl::Time> saved_ ABSL_GUARDED_BY(mutex_);
   /// By the steady clock, since when the wall clock goes with it; not set while
   /// it is believed.

@@ -5,41 +5,48 @@
 
 namespace isomatch {
 
-void StorageGate::Close(std::int64_t bytes, const absl::Status& why) {
+bool StorageGate::Check() {
+  if (!is_open_) return false;
+  const absl::Status probed = parts_.probe();
+  if (!probed.ok()) Close(probed);
+  return is_open_;
+}
+
+void StorageGate::Close(const absl::Status& why) {
   {
     MutexLock lock(mutex_);
-    bytes_ = std::max(bytes_, bytes);
-    if (!is_open_ || is_stopped_) return;
-    is_open_ = false;
+    if (is_stopped_ || timer_ != nullptr) return;
     pause_ = kFirstProbe;
+    ProbeLater();  // before it is closed, if memory ends
+    is_open_ = false;
   }
   parts_.on_change(why);
-  ProbeLater();
 }
 
 void StorageGate::ProbeLater() {
-  absl::Duration pause;
+  const absl::Duration pause = pause_;
+  pause_ = std::min(2 * pause_, kLongestPause);
+  timer_ = parts_.timers->PostAfter(pause, [this] { OnTimer(); });
+}
+
+void StorageGate::OnTimer() {
+  Executor::Timer old;  // dropped after the lock
   {
     MutexLock lock(mutex_);
-    pause = std::exchange(pause_, std::min(2 * pause_, kLongestPause));
+    if (is_stopped_ || is_open_) return;
+    old = timer_;
+    ProbeLater();  // first: the probe may be lost
   }
-  Executor::Timer next = parts_.timers->PostAfter(pause, [this] { Probe(); });
-  MutexLock lock(mutex_);
-  if (!is_stopped_)
-    std::swap(timer_, next);  // the old one drops after the lock
+  parts_.on_disk([this] { Probe(); });
 }
 
 void StorageGate::Probe() {
-  std::int64_t bytes = 0;
+  if (is_open_ || !parts_.probe().ok()) return;
+  Executor::Timer dropped;  // after the lock
   {
     MutexLock lock(mutex_);
-    if (is_stopped_) return;
-    bytes = bytes_;
-  }
-  if (!parts_.probe(bytes).ok()) return ProbeLater();
-  {
-    MutexLock lock(mutex_);
-    bytes_ = 0;
+    if (is_open_) return;
+    dropped = std::move(timer_);
     is_open_ = true;
   }
   parts_.on_change(absl::OkStatus());

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <atomic>
-#include <cstdint>
 #include <functional>
 #include <utility>
 
@@ -12,11 +11,12 @@
 
 namespace isomatch {
 
-/// Whether what jobs find can be stored, as far as is known. Once that failed
-/// it tries to write as much, after 1 s, 2 s, ... up to every 30 s, until it
-/// can: nobody runs a job for hours to find the disk full again.
+/// Whether anything can be stored, as far as is known. Once that failed it
+/// tries a little, after 1 s, 2 s, ... up to every 30 s, until it can. One
+/// result that is too large for the disk does not close it.
 ///
-/// Thread-safe.
+/// Thread-safe. Wherever memory ends, it is tried again as long as it is
+/// closed.
 class StorageGate {
  public:
   static constexpr absl::Duration kFirstProbe = absl::Seconds(1);
@@ -24,8 +24,11 @@ class StorageGate {
 
   struct Parts {
     Executor* timers;
-    /// Whether this many bytes can be written.
-    std::function<absl::Status(std::int64_t bytes)> probe;
+    /// Runs what waits for the disk, here or elsewhere; not at all once Stop is
+    /// called.
+    std::function<void(std::function<void()>)> on_disk;
+    /// Whether a little can be written.
+    std::function<absl::Status()> probe;
     /// Told once why it closed, then OK once it is open again.
     std::function<void(const absl::Status&)> on_change;
   };
@@ -34,21 +37,24 @@ class StorageGate {
 
   bool is_open() const { return is_open_; }
 
-  /// `bytes` could not be stored.
-  void Close(std::int64_t bytes, const absl::Status& why);
+  /// Probes; what failed elsewhere may have been too large only. True if it is
+  /// open now.
+  bool Check();
 
   /// No more attempts; it stays as it is.
   void Stop();
 
  private:
+  void Close(const absl::Status& why);
+  void OnTimer();
   void Probe();
-  void ProbeLater();
+  /// Sets the next timer; it is there as long as the gate is closed.
+  void ProbeLater() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   const Parts parts_;
   std::atomic<bool> is_open_ = true;
   Mutex mutex_;
   bool is_stopped_ ABSL_GUARDED_BY(mutex_) = false;
-  std::int64_t bytes_ ABSL_GUARDED_BY(mutex_) = 0;
   absl::Duration pause_ ABSL_GUARDED_BY(mutex_) = kFirstProbe;
   Executor::Timer timer_ ABSL_GUARDED_BY(mutex_);
 };

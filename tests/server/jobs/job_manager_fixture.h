@@ -2,6 +2,7 @@
 
 #include <atomic>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
@@ -51,6 +52,9 @@ class BlobStoreWithHook : public MemoryBlobStore {
   absl::Status Put(const BlobKey& key, std::string bytes, Keep keep) override {
     if (before_put) before_put();
     if (!disk.ok()) return disk;
+    if (static_cast<std::int64_t>(bytes.size()) > room_bytes) {
+      return absl::ResourceExhaustedError("too large");
+    }
     return MemoryBlobStore::Put(key, std::move(bytes), keep);
   }
 
@@ -59,10 +63,15 @@ class BlobStoreWithHook : public MemoryBlobStore {
     return MemoryBlobStore::Get(key);
   }
 
-  absl::Status TryWriting(std::int64_t) override { return disk; }
+  absl::Status TryWriting(std::int64_t bytes) override {
+    if (bytes > room_bytes) return absl::ResourceExhaustedError("too large");
+    return disk;
+  }
 
   std::function<void()> before_put;
   absl::Status disk;
+  /// Of the disk, for one blob.
+  std::int64_t room_bytes = std::numeric_limits<std::int64_t>::max();
   absl::Status reading;
 };
 

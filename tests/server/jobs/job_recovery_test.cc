@@ -47,6 +47,7 @@ class JobRecoveryTest : public JobManagerTest {
         budgets_.emplace_back(std::make_unique<MemoryBudget>(budget_bytes_))
             .get();
     parts_.now = [this] { return now_; };
+    parts_.uptime = [this] { return now_ - absl::UnixEpoch(); };
     limits_.durable = true;
     manager_ = std::make_unique<JobManager>(limits_, parts_);
     manager_->Begin();

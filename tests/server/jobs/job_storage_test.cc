@@ -1,5 +1,9 @@
+#include <functional>
 #include <memory>
+#include <new>
+#include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "server/storage/sha256.h"
@@ -33,7 +37,24 @@ class JobStorageTest : public JobManagerTest {
     };
     parts.retention_clock = clock_.get();
     parts.now = [this] { return now_; };
+    parts.uptime = [this] { return steady_; };
     manager_ = std::make_unique<JobManager>(limits, parts);
+  }
+
+  /// A clock that last saw this.
+  void SetClock(std::optional<absl::Time> last_seen) {
+    clock_ = std::make_unique<RetentionClock>(
+        RetentionClock::Parts{.now = [this] { return now_; },
+                              .steady = [this] { return steady_; },
+                              .save = [](absl::Time) {},
+                              .on_change = [](bool, const std::string&) {}},
+        last_seen);
+  }
+
+  void Pass(absl::Duration time) {
+    now_ += time;
+    steady_ += time;
+    timers_.Advance(time);
   }
 
   void FillDisk() { blobs_.disk = absl::ResourceExhaustedError("disk full"); }
@@ -117,7 +138,101 @@ TEST_F(JobStorageTest, NothingOfAResultThatWaitsIsKept) {
   EXPECT_EQ(StateOf(id), "QUEUED");
   blobs_.disk = absl::OkStatus();
   blobs_.before_put = nullptr;
+  EXPECT_EQ(blobs_.size_bytes(), 0);
   EXPECT_TRUE(AllRoomIsFree());
+}
+
+TEST_F(JobStorageTest, OneResultThatIsTooLargeHoldsUpNoOther) {
+  found_ = AllParts();
+  const std::string large = Create();
+  blobs_.room_bytes = 3;
+  EXPECT_TRUE(workers_.RunNext());
+  EXPECT_EQ(Snapshot(large).waiting_for, WaitReason::kStorage);
+  EXPECT_EQ(manager_->load().held_for_storage, 1);
+  EXPECT_EQ(manager_->load().held_jobs, 0);
+  EXPECT_TRUE(manager_->load().can_store);
+  EXPECT_THAT(told_, testing::IsEmpty());
+  found_ = {};
+  blobs_.room_bytes = 10;  // enough for a map alone
+  const std::string small = Create();
+  EXPECT_TRUE(workers_.RunNext());
+  EXPECT_EQ(StateOf(small), "SUCCEEDED");
+  for (int i = 0; i < 20; ++i) Pass(absl::Seconds(30));
+  EXPECT_FALSE(workers_.RunNext());  // it does not run to find out
+  found_ = AllParts();
+  blobs_.room_bytes = 10000;
+  Pass(absl::Seconds(30));
+  EXPECT_EQ(manager_->load().held_for_storage, 0);
+  EXPECT_TRUE(workers_.RunNext());
+  EXPECT_EQ(StateOf(large), "SUCCEEDED");
+  EXPECT_EQ(Snapshot(large).record.attempt, 1);
+}
+
+TEST_F(JobStorageTest, OneThatWaitsForRoomCanBeCancelled) {
+  const std::string id = Create();
+  blobs_.room_bytes = 3;
+  EXPECT_TRUE(workers_.RunNext());
+  EXPECT_THAT(manager_->Cancel(caller_, id), IsOk());
+  EXPECT_EQ(manager_->load().held_for_storage, 0);
+  blobs_.room_bytes = 10000;
+  Pass(absl::Minutes(1));
+  EXPECT_FALSE(workers_.RunNext());
+  EXPECT_EQ(StateOf(id), "CANCELLED");
+}
+
+TEST_F(JobStorageTest, WhatWaitsForTheDiskRunsBesideTheTimers) {
+  ManualExecutor disk;
+  JobManager::Parts parts = MakeParts();
+  parts.disk = &disk;
+  manager_ = std::make_unique<JobManager>(JobManager::Limits(), parts);
+  const std::string id = Create();
+  FillDisk();
+  EXPECT_TRUE(workers_.RunNext());
+  blobs_.disk = absl::OkStatus();
+  timers_.Advance(StorageGate::kFirstProbe);
+  EXPECT_FALSE(manager_->load().can_store);
+  EXPECT_TRUE(disk.RunNext());
+  EXPECT_TRUE(manager_->load().can_store);
+  timers_.Advance(StorageGate::kLongestPause);
+  while (disk.RunNext()) {
+  }
+  EXPECT_TRUE(workers_.RunNext());
+  EXPECT_EQ(StateOf(id), "SUCCEEDED");
+  manager_->Shutdown(absl::ZeroDuration());
+  timers_.Advance(absl::Hours(1));
+  EXPECT_FALSE(disk.RunNext());
+}
+
+TEST_F(JobStorageTest, AfterAStartOnAFullDiskNoJobRunsToFindOut) {
+  const std::string id = Create();
+  FillDisk();
+  workers_.Clear();  // the process ends
+  Begin({.durable = true});
+  manager_->Begin();
+  EXPECT_FALSE(workers_.RunNext());
+  EXPECT_EQ(Snapshot(id).waiting_for, WaitReason::kStorage);
+  blobs_.disk = absl::OkStatus();
+  Pass(StorageGate::kFirstProbe);
+  EXPECT_TRUE(workers_.RunNext());
+  EXPECT_EQ(StateOf(id), "SUCCEEDED");
+}
+
+TEST_F(JobStorageTest, KeptResultsGiveWayToAJob) {
+  const std::string kept = Create();
+  const std::string last = Create();
+  EXPECT_TRUE(workers_.RunNext());
+  EXPECT_TRUE(workers_.RunNext());
+  const std::int64_t result_bytes = blobs_.size_bytes() / 2;
+  const auto rest = static_cast<std::int64_t>(kBlobBytes) - blobs_.size_bytes();
+  ASSERT_THAT(blobs_.Put({"", "y"}, std::string(static_cast<size_t>(rest), 'y'),
+                         Keep::kPinned),
+              IsOk());
+  const std::string id = Create();
+  EXPECT_TRUE(workers_.RunNext());
+  EXPECT_EQ(StateOf(id), "SUCCEEDED");
+  EXPECT_EQ(StateOf(kept), "GONE");
+  EXPECT_EQ(StateOf(last), "SUCCEEDED");
+  EXPECT_EQ(blobs_.size_bytes(), rest + 2 * result_bytes);
 }
 
 TEST_F(JobStorageTest, WhereJobsNeedAllTheRoomOneGivesWay) {
@@ -180,6 +295,21 @@ TEST_F(JobStorageTest, AJobWhoseInputsCannotBeReadNowWaitsAndIsPassed) {
   EXPECT_EQ(Snapshot(id).record.attempt, 1);
 }
 
+TEST_F(JobStorageTest, InputsThatCannotBeReadForAnHourAreLost) {
+  const std::string id = Create();
+  inputs_ = absl::UnavailableError("permission denied");
+  absl::Duration waited;
+  while (StateOf(id) == "QUEUED" && waited < absl::Hours(3)) {
+    (void)workers_.RunNext();
+    Pass(absl::Seconds(30));
+    waited += absl::Seconds(30);
+  }
+  EXPECT_EQ(FailureOf(id), "CONTENT_LOST");
+  EXPECT_GE(waited, absl::Minutes(55));
+  EXPECT_LE(waited, absl::Minutes(65));
+  EXPECT_EQ(manager_->load().queued_jobs, 0);
+}
+
 TEST_F(JobStorageTest, AJobThatWaitsForItsInputsCanBeCancelled) {
   const std::string id = Create();
   inputs_ = absl::UnavailableError("too many open files");
@@ -239,58 +369,124 @@ TEST_F(JobStorageTest, AForgottenJobLeavesItsMeshesForOthers) {
   EXPECT_EQ(StateOf(second), "SUCCEEDED");
 }
 
+constexpr absl::Duration kWeek = absl::Hours(24 * 7);
+
 TEST_F(JobStorageTest, NoJobIsForgottenByAClockThatIsNotBelieved) {
-  now_ += absl::Hours(24 * 8);
-  clock_ = std::make_unique<RetentionClock>(
-      RetentionClock::Parts{.now = [this] { return now_; },
-                            .steady = [this] { return steady_; },
-                            .save = [](absl::Time) {},
-                            .on_change = [](bool, const std::string&) {}},
-      absl::UnixEpoch());
-  now_ -= absl::Hours(24 * 8);
-  Begin({.job_retention = absl::Hours(24 * 7)});
   const std::string id = Create();
   EXPECT_TRUE(workers_.RunNext());
+  SetClock(now_);
+  Begin({.job_retention = kWeek, .durable = true});
   manager_->Begin();
   now_ += absl::Hours(24 * 8);
-  timers_.Advance(absl::Minutes(1));
+  Pass(absl::Minutes(1));
   EXPECT_EQ(StateOf(id), "SUCCEEDED");
-  steady_ += RetentionClock::kGrace;
-  now_ += RetentionClock::kGrace;
-  timers_.Advance(absl::Minutes(1));
+  Pass(kWeek);  // by the steady clock too
   EXPECT_EQ(StateOf(id), "GONE");
 }
 
-TEST(StorageGateTest, TriesLessAndLessOften) {
+TEST_F(JobStorageTest, AJobThatEndedAtAWrongTimeIsAsOldAsTheProcessSaw) {
+  SetClock(std::nullopt);  // in 1970, at the first start
+  Begin({.job_retention = kWeek});
+  manager_->Begin();
+  const std::string id = Create();
+  EXPECT_TRUE(workers_.RunNext());
+  now_ += absl::Hours(24 * 365 * 56);  // put right
+  Pass(absl::Minutes(1));
+  Pass(RetentionClock::kGrace);
+  Pass(absl::Minutes(1));
+  EXPECT_EQ(StateOf(id), "SUCCEEDED");
+  Pass(kWeek - RetentionClock::kGrace);
+  EXPECT_EQ(StateOf(id), "GONE");
+}
+
+TEST_F(JobStorageTest, AQueueTimeoutGoesByTheTimeThatIsBelieved) {
+  JobSpec spec = Needing(1);
+  spec.queue_timeout = absl::Hours(2);
+  const std::string id = Create(spec);
+  workers_.Clear();
+  timers_.Clear();
+  now_ += absl::Hours(24 * 8);  // a wrong clock at the start
+  SetClock(now_ - absl::Hours(24 * 8));
+  Begin({.durable = true});
+  manager_->Begin();
+  Pass(absl::Hours(1));
+  EXPECT_EQ(StateOf(id), "QUEUED");
+  Pass(absl::Hours(1));
+  EXPECT_EQ(FailureOf(id), "QUEUE_TIMEOUT");
+}
+
+class StorageGateTest : public testing::Test {
+ protected:
+  StorageGate::Parts MakeParts(Executor* timers) {
+    return {.timers = timers,
+            .on_disk = [](const std::function<void()>& work) { work(); },
+            .probe =
+                [this] {
+                  ++probes_;
+                  return disk_;
+                },
+            .on_change =
+                [this](const absl::Status& status) {
+                  told_.push_back(std::string(status.message()));
+                }};
+  }
+
+  absl::Status disk_;
+  int probes_ = 0;
+  std::vector<std::string> told_;
+};
+
+TEST_F(StorageGateTest, TriesLessAndLessOften) {
   ManualExecutor timers;
-  std::vector<std::int64_t> tried;
-  std::vector<std::string> told;
-  absl::Status disk = absl::ResourceExhaustedError("full");
-  StorageGate gate({.timers = &timers,
-                    .probe =
-                        [&](std::int64_t bytes) {
-                          tried.push_back(bytes);
-                          return disk;
-                        },
-                    .on_change =
-                        [&](const absl::Status& status) {
-                          told.push_back(std::string(status.message()));
-                        }});
-  EXPECT_TRUE(gate.is_open());
-  gate.Close(10, disk);
-  gate.Close(20, disk);
-  gate.Close(15, disk);
+  StorageGate gate(MakeParts(&timers));
+  EXPECT_TRUE(gate.Check());
+  disk_ = absl::ResourceExhaustedError("full");
+  EXPECT_FALSE(gate.Check());
+  EXPECT_FALSE(gate.Check());
   EXPECT_FALSE(gate.is_open());
+  EXPECT_EQ(probes_, 2);
   for (int i = 0; i < 63; ++i) timers.Advance(absl::Seconds(1));
   // After 1, 3, 7, 15, 31, 61 s.
-  EXPECT_THAT(tried, ElementsAre(20, 20, 20, 20, 20, 20));
-  EXPECT_THAT(told, ElementsAre("full"));
-  disk = absl::OkStatus();
+  EXPECT_EQ(probes_, 8);
+  EXPECT_THAT(told_, ElementsAre("full"));
+  disk_ = absl::OkStatus();
   timers.Advance(StorageGate::kLongestPause);
   EXPECT_TRUE(gate.is_open());
-  EXPECT_THAT(told, ElementsAre("full", ""));
+  EXPECT_THAT(told_, ElementsAre("full", ""));
   timers.Advance(absl::Hours(1));
-  EXPECT_THAT(tried, SizeIs(7));
+  EXPECT_EQ(probes_, 9);
+}
+
+/// Has no memory for timers when the test says so.
+class PoorTimers : public ManualExecutor {
+ public:
+  Timer PostAfter(absl::Duration delay, std::function<void()> task) override {
+    if (is_poor) throw std::bad_alloc();
+    return ManualExecutor::PostAfter(delay, std::move(task));
+  }
+
+  bool is_poor = true;
+};
+
+TEST_F(StorageGateTest, WhereverMemoryEndsItIsTriedAgain) {
+  PoorTimers timers;
+  StorageGate gate(MakeParts(&timers));
+  disk_ = absl::ResourceExhaustedError("full");
+  EXPECT_THROW((void)gate.Check(), std::bad_alloc);
+  EXPECT_TRUE(gate.is_open());
+  timers.is_poor = false;
+  EXPECT_FALSE(gate.Check());
+  StorageGate::Parts losing = MakeParts(&timers);
+  losing.on_disk = [this, lost = 0](auto&& work) mutable {
+    if (++lost > 1) work();
+  };
+  StorageGate gate_that_loses(losing);
+  EXPECT_FALSE(gate_that_loses.Check());
+  disk_ = absl::OkStatus();
+  timers.Advance(StorageGate::kFirstProbe);
+  EXPECT_FALSE(gate_that_loses.is_open());
+  timers.Advance(2 * StorageGate::kFirstProbe);
+  EXPECT_TRUE(gate_that_loses.is_open());
 }
 
 }  // namespace

@@ -37,10 +37,10 @@ class RetentionClockTest : public testing::Test {
 
 TEST_F(RetentionClockTest, AClockThatGoesOnIsBelieved) {
   for (const absl::Duration ahead :
-       {-absl::Hours(1000), absl::ZeroDuration(), absl::Minutes(59)}) {
+       {-absl::Minutes(59), absl::ZeroDuration(), absl::Minutes(59)}) {
     RetentionClock clock = Start(wall_ - ahead);
     for (int i = 0; i < 100; ++i) {
-      EXPECT_TRUE(clock.IsBelieved());
+      EXPECT_EQ(clock.Now(), wall_);
       Pass(absl::Minutes(1));
     }
   }
@@ -49,38 +49,65 @@ TEST_F(RetentionClockTest, AClockThatGoesOnIsBelieved) {
 }
 
 TEST_F(RetentionClockTest, OneThatIsAheadAtTheStartHasToStandTheTest) {
-  RetentionClock clock = Start(wall_ - absl::Hours(24 * 8));
-  EXPECT_FALSE(clock.IsBelieved());
+  const absl::Time last_seen = wall_ - absl::Hours(24 * 8);
+  RetentionClock clock = Start(last_seen);
+  EXPECT_EQ(clock.Now(), last_seen);
   EXPECT_THAT(told_, ElementsAre(false));
-  Pass(absl::Minutes(9));
-  EXPECT_FALSE(clock.IsBelieved());
-  EXPECT_FALSE(saved_.has_value());
+  Pass(RetentionClock::kGrace - absl::Minutes(1));
+  const absl::Time grown =
+      last_seen + RetentionClock::kGrace - absl::Minutes(1);
+  EXPECT_EQ(clock.Now(), grown);  // time passes, but no more than that
+  EXPECT_EQ(saved_, grown);       // also for the next process
   Pass(absl::Minutes(1));
-  EXPECT_TRUE(clock.IsBelieved());
+  EXPECT_EQ(clock.Now(), wall_);
   EXPECT_THAT(told_, ElementsAre(false, true));
   EXPECT_EQ(saved_, wall_);
 }
 
-TEST_F(RetentionClockTest, OneThatIsPutRightMeanwhileNeverDeletes) {
-  RetentionClock clock = Start(wall_ - absl::Hours(24 * 8));
-  EXPECT_FALSE(clock.IsBelieved());
+TEST_F(RetentionClockTest, OneThatIsBehindAtTheStartIsNotBelievedEither) {
+  RetentionClock clock = Start(wall_ + absl::Hours(24 * 365));
+  EXPECT_EQ(clock.Now(), wall_);  // what is later would not be safe
+  EXPECT_THAT(told_, ElementsAre(false));
   Pass(absl::Minutes(5));
+  wall_ += absl::Hours(24 * 365 * 50);  // "put right", too far
+  EXPECT_LT(clock.Now(), wall_ - absl::Hours(24 * 365 * 40));
+}
+
+TEST_F(RetentionClockTest, AMachineThatIsOffEachNightStillAgesItsJobs) {
+  const absl::Time begin = wall_;
+  std::optional<absl::Time> last_seen = begin;
+  for (int day = 0; day < 10; ++day) {
+    wall_ += absl::Hours(16);
+    RetentionClock clock = Start(last_seen);
+    clock.Now();
+    Pass(absl::Hours(8));
+    clock.Now();
+    last_seen = saved_;
+  }
+  EXPECT_GE(Start(last_seen).Now(), begin + absl::Hours(80));
+}
+
+TEST_F(RetentionClockTest, OneThatIsPutRightMeanwhileNeverDeletes) {
+  const absl::Time last_seen = wall_ - absl::Hours(24 * 8);
+  RetentionClock clock = Start(last_seen);
+  EXPECT_EQ(clock.Now(), last_seen);
+  Pass(absl::Minutes(35));
   wall_ -= absl::Hours(24 * 8);
-  EXPECT_FALSE(clock.IsBelieved());
-  Pass(absl::Minutes(9));
-  EXPECT_FALSE(clock.IsBelieved());
-  Pass(absl::Minutes(1));
-  EXPECT_TRUE(clock.IsBelieved());
+  EXPECT_EQ(clock.Now(), wall_);
+  Pass(RetentionClock::kGrace);
+  EXPECT_EQ(clock.Now(), wall_);
+  EXPECT_THAT(told_, ElementsAre(false, false, true));
 }
 
 TEST_F(RetentionClockTest, OneThatJumpsWhileTheServerRunsIsNotBelieved) {
   RetentionClock clock = Start(std::nullopt);
-  EXPECT_TRUE(clock.IsBelieved());
+  const absl::Time begin = wall_;
+  EXPECT_EQ(clock.Now(), begin);
   Pass(absl::Minutes(1));
   wall_ += absl::Hours(24 * 8);
-  EXPECT_FALSE(clock.IsBelieved());
+  EXPECT_EQ(clock.Now(), begin + absl::Minutes(1));
   Pass(RetentionClock::kGrace);
-  EXPECT_TRUE(clock.IsBelieved());
+  EXPECT_EQ(clock.Now(), wall_);
   EXPECT_THAT(told_, ElementsAre(false, true));
 }
 
