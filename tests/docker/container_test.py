@@ -94,6 +94,36 @@ class EdgeImageTest(unittest.TestCase):
         self.assertIn("include /etc/isomatch-edge/listen.conf;", edge_text("nginx.conf"))
 
 
+def interpolated(text, variables):
+    """Replaces ${NAME:-DEFAULT}, as Compose does."""
+    return re.sub(
+        r"\$\{(\w+):-([^}]*)\}", lambda found: variables.get(found[1]) or found[2], text
+    )
+
+
+def merged(below, above, key=""):
+    """What Compose makes of two files: of lists both parts, volumes by where they are mounted."""
+    if isinstance(below, dict) and isinstance(above, dict):
+        both = {**below, **above}
+        return {name: merged(below.get(name, value), above.get(name, value), name)
+                for name, value in both.items()}  # fmt: skip
+    if isinstance(below, list) and below is not above:
+        if key == "volumes":
+            mounts = {volume.split(":")[1]: volume for volume in [*below, *above]}
+            return list(mounts.values())
+        return list(dict.fromkeys([*below, *above]))
+    return above
+
+
+def published(service, variables):
+    """Returns address, port and the container's port of each mapping."""
+    found = []
+    for mapping in service.get("ports", []):
+        *address, outside, inside = interpolated(mapping, variables).split(":")
+        found.append((":".join(address), int(outside), int(inside)))
+    return found
+
+
 class ComposeTest(unittest.TestCase):
     def setUp(self):
         [self.compose] = deployment.documents(ROOT / "docker/compose.yaml")
@@ -108,12 +138,13 @@ class ComposeTest(unittest.TestCase):
 
     def test_without_tls_the_ports_are_this_machines(self):
         for name, service in self.compose["services"].items():
-            for mapping in service.get("ports", []):
-                self.assertRegex(mapping, r"^127\.0\.0\.1:", name)
+            for address, _, _ in published(service, {}):
+                self.assertEqual(address, "127.0.0.1", name)
 
     def test_the_server_is_reached_through_the_edge_only(self):
         self.assertNotIn("ports", self.server)
-        self.assertEqual(self.edge["ports"], [f"127.0.0.1:7443:{edge_port('listen.conf')}"])
+        port = int(edge_port("listen.conf"))
+        self.assertEqual(published(self.edge, {}), [("127.0.0.1", 7443, port)])
         self.assertEqual(self.config["listen"], f"unix:{edge_socket()}")
         self.assertEqual(self.config["insecure"], "false")
         folder = edge_socket().rpartition("/")[0]
@@ -169,7 +200,6 @@ class ComposeTest(unittest.TestCase):
         self.assertEqual(config["insecure"], "false")
         [keys] = server["volumes"]
         listen, tls = edge["volumes"]
-        self.assertEqual(edge["ports"], [f"7443:{edge_port('listen.tls.conf')}"])
         self.assertEqual(
             listen, "./edge/listen.tls.conf:/etc/isomatch-edge/listen.conf:ro"
         )
@@ -179,6 +209,25 @@ class ComposeTest(unittest.TestCase):
         )
         folder = re.fullmatch(r"\./secrets/tls:(.*):ro", tls).group(1)
         self.assertIn(f"default {folder};", edge_text("nginx.conf"))
+
+    def test_with_tls_the_port_is_published_once(self):
+        [command] = re.findall(
+            r"^#   export ISOMATCH_PUBLISH=(\S+)$",
+            (ROOT / "docker/compose.tls.yaml").read_text(),
+            re.MULTILINE,
+        )
+        services = merged(self.compose, self.tls)["services"]
+        port = int(edge_port("listen.tls.conf"))
+        self.assertEqual(services["edge"]["volumes"][1:], self.tls["services"]["edge"]["volumes"])
+        for publish, address in ((command, ""), ("", "127.0.0.1")):
+            variables = {"ISOMATCH_PUBLISH": publish}
+            self.assertEqual(published(services["edge"], variables), [(address, 7443, port)])
+            taken = [
+                outside
+                for service in services.values()
+                for _, outside, _ in published(service, variables)
+            ]
+            self.assertEqual(len(taken), len(set(taken)))
 
 
 if __name__ == "__main__":
