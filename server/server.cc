@@ -4,11 +4,9 @@
 #include <functional>
 #include <limits>
 #include <mutex>
-#include <thread>
 #include <utility>
 #include <vector>
 
-#include <grpcpp/ext/proto_server_reflection_plugin.h>
 #include <grpcpp/grpcpp.h>
 #include <openssl/rand.h>
 
@@ -17,7 +15,6 @@
 #include "absl/time/clock.h"
 #include "core/base/status_macros.h"
 #include "core/base/version.h"
-#include "grpc/health/v1/health.pb.h"
 #include "server/convert/stored_request.h"
 #include "server/job_log.h"
 #include "server/jobs/job_metrics.h"
@@ -34,6 +31,7 @@
 #include "server/rpc/call_interceptor.h"
 #include "server/rpc/channel_arguments.h"
 #include "server/rpc/correspondence_service.h"
+#include "server/rpc/grpc_plugins.h"
 #include "server/rpc/server_credentials.h"
 #include "server/server_limits.h"
 #include "server/stores.h"
@@ -48,6 +46,13 @@ constexpr absl::Duration kStreamsEnd = absl::Milliseconds(400);
 
 /// What the process itself has, and memory that was freed but not given back.
 constexpr std::int64_t kProcessBytes = std::int64_t{256} << 20;
+
+/// One more than a tenant may use.
+constexpr int kDiskThreads = 2;
+
+/// Of calls of a tenant that wait for the disk; they take little each.
+constexpr TenantTurns::Limits kAnyNumber = {
+    .max_waiting_per_tenant = std::numeric_limits<int>::max()};
 
 std::string RandomId() {
   std::string bytes(16, '\0');
@@ -75,26 +80,6 @@ absl::StatusOr<std::unique_ptr<ApiKeys>> OpenKeys(const ServerConfig& config) {
                        config.max_priority);
 }
 
-int ChooseThreads(const ServerConfig& config) {
-  if (config.threads_per_job > 0) return config.threads_per_job;
-  const int cores = static_cast<int>(std::thread::hardware_concurrency());
-  return std::max(1, cores / config.workers);
-}
-
-/// The budget, a quarter of it for what is held beside it, gRPC's buffers, and
-/// blobs in memory.
-std::int64_t ChooseMaxResidentBytes(const ServerConfig& config) {
-  if (config.max_resident_bytes > 0) return config.max_resident_bytes;
-  constexpr double kMost = 0.95;
-  const std::int64_t budget = ChooseBudgetBytes(config);
-  const std::int64_t wanted =
-      budget + budget / 4 + static_cast<std::int64_t>(kGrpcBytes) +
-      (config.is_durable() ? 0 : config.blob_store_bytes);
-  return std::min(wanted,
-                  static_cast<std::int64_t>(
-                      kMost * static_cast<double>(AvailableMemoryBytes())));
-}
-
 ConnectionLimits MakeConnectionLimits(const ServerConfig& config) {
   ConnectionLimits limits = ChooseConnectionLimits(
       config.max_connections, config.max_connections_per_address, FileLimit());
@@ -108,34 +93,6 @@ std::unique_ptr<PrometheusMetrics> MakeMetrics(const ServerConfig& config) {
   if (config.listen.empty() || config.metrics_listen == "off") return nullptr;
   return std::make_unique<PrometheusMetrics>(kVersion);
 }
-
-/// Once for the process: gRPC takes plugins globally.
-void InitGrpcPlugins() {
-  static std::once_flag once;
-  std::call_once(once, [] {
-    // Reflection aborts on the health service unless its descriptor is linked.
-    grpc::health::v1::HealthCheckRequest::descriptor();
-    grpc::EnableDefaultHealthCheckService(true);
-    grpc::reflection::InitProtoReflectionServerBuilderPlugin();
-  });
-}
-
-/// Takes reflection, which gRPC adds to every server of a process, from one.
-class WithoutReflection : public grpc::ServerBuilderOption {
- public:
-  using Plugins = std::vector<std::unique_ptr<grpc::ServerBuilderPlugin>>;
-
-  void UpdateArguments(grpc::ChannelArguments*) override {}
-  void UpdatePlugins(Plugins* plugins) override {
-    const std::string reflection =
-        grpc::reflection::ProtoServerReflectionPlugin().name();
-    plugins->erase(std::remove_if(plugins->begin(), plugins->end(),
-                                  [&](const auto& plugin) {
-                                    return plugin->name() == reflection;
-                                  }),
-                   plugins->end());
-  }
-};
 
 }  // namespace
 
@@ -190,6 +147,8 @@ class Server::Impl {
   TenantBudgets requests_;
   MemoryBudget upload_bytes_;
   TenantBudgets uploads_;
+  MemoryBudget download_bytes_;
+  TenantBudgets downloads_;
   /// Counts calls, not bytes.
   MemoryBudget all_upload_calls_{std::numeric_limits<std::int64_t>::max()};
   TenantBudgets upload_calls_;
@@ -200,7 +159,11 @@ class Server::Impl {
   std::unique_ptr<ThreadPool> timers_;
   std::unique_ptr<ThreadPool> intake_;
   TenantTurns intake_turns_;
+  std::unique_ptr<ThreadPool> upkeep_;
+  std::unique_ptr<ThreadPool> changes_;
+  TenantTurns change_turns_;
   std::unique_ptr<ThreadPool> disk_;
+  TenantTurns disk_turns_;
   std::unique_ptr<ThreadPool> watch_;
   const std::int64_t max_resident_bytes_;
   PartialUploads partial_uploads_;
@@ -231,6 +194,8 @@ Server::Impl::Impl(const ServerConfig& config, MatchEngine engine,
       requests_(&request_bytes_, TenantLimitsOf(config).request_bytes),
       upload_bytes_(UploadBytes(config)),
       uploads_(&upload_bytes_, TenantLimitsOf(config).upload_bytes),
+      download_bytes_(DownloadBytes(config)),
+      downloads_(&download_bytes_, TenantLimitsOf(config).download_bytes),
       upload_calls_(&all_upload_calls_, TenantLimitsOf(config).uploads),
       runner_(std::move(engine), absl::Now,
               config.prepared_cache_bytes > 0 ? &prepared_ : nullptr),
@@ -240,7 +205,11 @@ Server::Impl::Impl(const ServerConfig& config, MatchEngine engine,
       intake_(std::make_unique<ThreadPool>(IntakeThreads(config))),
       intake_turns_({.max_waiting_per_tenant = TenantLimitsOf(config).requests},
                     intake_.get()),
-      disk_(std::make_unique<ThreadPool>(1)),
+      upkeep_(std::make_unique<ThreadPool>(1)),
+      changes_(std::make_unique<ThreadPool>(kDiskThreads)),
+      change_turns_(kAnyNumber, changes_.get()),
+      disk_(std::make_unique<ThreadPool>(kDiskThreads)),
+      disk_turns_(kAnyNumber, disk_.get()),
       watch_(std::make_unique<ThreadPool>(1)),
       max_resident_bytes_(ChooseMaxResidentBytes(config)),
       partial_uploads_(&uploads_, timers_.get(), config.partial_upload_kept),
@@ -253,7 +222,9 @@ Server::Impl::~Impl() {
   if (prometheus_ != nullptr) prometheus_->Close();
   partial_uploads_.Clear();
   intake_.reset();
+  changes_.reset();
   disk_.reset();
+  upkeep_.reset();
   watch_.reset();
   workers_.reset();
   timers_.reset();
@@ -289,7 +260,7 @@ JobManager::Parts Server::Impl::MakeJobParts() {
   parts.load_spec = [this](const JobRecord& record) {
     return LoadJobSpec(record, context_.parse);
   };
-  parts.disk = disk_.get();
+  parts.disk = upkeep_.get();
   parts.retention_clock = &retention_clock_;
   parts.on_storage = [this](const absl::Status& storage) {
     if (!config_.listen.empty()) LogStorage(storage);
@@ -311,7 +282,8 @@ void Server::Impl::OnState(const JobRecord& job) {
 JobManager::MemoryFigures Server::Impl::ReadMemory() const {
   const std::int64_t reserved =
       budget_.reserved_bytes() + prepared_.size_bytes() +
-      request_bytes_.reserved_bytes() + upload_bytes_.reserved_bytes();
+      request_bytes_.reserved_bytes() + upload_bytes_.reserved_bytes() +
+      download_bytes_.reserved_bytes();
   return {.resident_bytes = ResidentBytes(),
           .expected_bytes =
               kProcessBytes + static_cast<std::int64_t>(kGrpcBytes) + reserved,
@@ -361,7 +333,9 @@ ServiceContext Server::Impl::MakeContext() {
   context.partial_uploads = &partial_uploads_;
   context.uploads = &upload_calls_;
   context.intake = &intake_turns_;
-  context.disk = disk_.get();
+  context.changes = &change_turns_;
+  context.disk = &disk_turns_;
+  context.downloads = &downloads_;
   context.metrics = &metrics_;
   context.parse = {stores_.blobs.get(), &runner_, MakeRequestLimits(config_),
                    ChooseThreads(config_)};
@@ -402,9 +376,7 @@ absl::Status Server::Impl::Listen() {
     ISOMATCH_RETURN_IF_ERROR(OpenPort(builder));
   }
   builder.RegisterService(&service_);
-  if (config_.no_reflection) {
-    builder.SetOption(std::make_unique<WithoutReflection>());
-  }
+  if (config_.no_reflection) TakeReflection(builder);
   std::vector<
       std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>>
       interceptors;

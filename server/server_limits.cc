@@ -1,8 +1,10 @@
 #include "server/server_limits.h"
 
 #include <algorithm>
+#include <thread>
 
 #include "server/jobs/memory_limit.h"
+#include "server/rpc/channel_arguments.h"
 
 namespace isomatch {
 namespace {
@@ -40,12 +42,34 @@ std::int64_t ChoosePreparedCacheBytes(const ServerConfig& config) {
   return std::min(config.prepared_cache_bytes, ChooseBudgetBytes(config) / 4);
 }
 
+int ChooseThreads(const ServerConfig& config) {
+  if (config.threads_per_job > 0) return config.threads_per_job;
+  const int cores = static_cast<int>(std::thread::hardware_concurrency());
+  return std::max(1, cores / config.workers);
+}
+
+std::int64_t ChooseMaxResidentBytes(const ServerConfig& config) {
+  if (config.max_resident_bytes > 0) return config.max_resident_bytes;
+  constexpr double kMost = 0.95;
+  const std::int64_t budget = ChooseBudgetBytes(config);
+  const std::int64_t wanted =
+      budget + budget / 4 + static_cast<std::int64_t>(kGrpcBytes) +
+      (config.is_durable() ? 0 : config.blob_store_bytes);
+  return std::min(wanted,
+                  static_cast<std::int64_t>(
+                      kMost * static_cast<double>(AvailableMemoryBytes())));
+}
+
 std::int64_t RequestBytes(const ServerConfig& config) {
   return std::min(config.blob_store_bytes / 2, ChooseBudgetBytes(config) / 32);
 }
 
 std::int64_t UploadBytes(const ServerConfig& config) {
   return std::min(config.blob_store_bytes / 2, ChooseBudgetBytes(config) / 16);
+}
+
+std::int64_t DownloadBytes(const ServerConfig& config) {
+  return ChooseBudgetBytes(config) / 64;
 }
 
 int IntakeThreads(const ServerConfig& config) {
@@ -73,6 +97,7 @@ TenantLimits TenantLimitsOf(const ServerConfig& config) {
   limits.requests = Otherwise(config.max_requests_per_tenant,
                               has_tenants ? kRequests : TenantLimits::kNone);
   limits.request_bytes = ShareOf(RequestBytes(config), config);
+  limits.download_bytes = ShareOf(DownloadBytes(config), config);
   return limits;
 }
 

@@ -15,13 +15,23 @@ namespace isomatch {
 std::int64_t ChooseBudgetBytes(const ServerConfig& config);
 std::int64_t ChoosePreparedCacheBytes(const ServerConfig& config);
 
-// What is held beside the budget: unfinished uploads, requests, and the meshes
-// that CreateJob decodes (a job that starts decodes them within its
-// reservation). Seven thirty-seconds of the budget together; ChooseMemoryBudget
-// leaves eight at least, the last for the process itself.
+/// Each job gets.
+int ChooseThreads(const ServerConfig& config);
+
+/// What may be resident: the budget, a quarter of it for what is held beside
+/// it, gRPC's buffers, and blobs in memory.
+std::int64_t ChooseMaxResidentBytes(const ServerConfig& config);
+
+// What is held beside the budget: unfinished uploads, requests, the meshes that
+// CreateJob decodes (a job that starts decodes them within its reservation),
+// and results that are being sent. Fifteen sixty-fourths of the budget
+// together; ChooseMemoryBudget leaves sixteen at least, the last for the
+// process itself.
 
 std::int64_t RequestBytes(const ServerConfig& config);
 std::int64_t UploadBytes(const ServerConfig& config);
+/// A job takes more than a hundred times a part of its result while it runs.
+std::int64_t DownloadBytes(const ServerConfig& config);
 /// Of one of the intake's threads.
 std::int64_t ReadingBytes(const ServerConfig& config);
 

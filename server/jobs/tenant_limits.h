@@ -24,6 +24,8 @@ struct TenantLimits {
   /// CreateJob calls that wait to be read, and their bytes.
   int requests = kNone;
   std::int64_t request_bytes = std::numeric_limits<std::int64_t>::max();
+  /// Of parts of results that are being sent.
+  std::int64_t download_bytes = std::numeric_limits<std::int64_t>::max();
 };
 
 }  // namespace isomatch

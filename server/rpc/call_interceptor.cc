@@ -65,7 +65,10 @@ using JobOf = std::string (*)(const void* message);
 
 template <typename Request>
 std::string JobOfRequest(const void* message) {
-  const auto id = ParseJobName(static_cast<const Request*>(message)->name());
+  Request request;
+  const auto& raw = *static_cast<const grpc::ByteBuffer*>(message);
+  if (!ParseWithin(kSmallRequest, raw, request).ok()) return "";
+  const auto id = ParseJobName(request.name());
   return id.ok() ? *id : "";
 }
 

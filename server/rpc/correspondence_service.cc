@@ -7,8 +7,6 @@
 #include <utility>
 #include <vector>
 
-#include <grpcpp/support/proto_buffer_reader.h>
-
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "core/base/version.h"
@@ -16,9 +14,9 @@
 #include "server/convert/job_name.h"
 #include "server/convert/job_proto.h"
 #include "server/convert/list_jobs.h"
-#include "server/convert/request_outline.h"
 #include "server/jobs/caller.h"
 #include "server/jobs/errors.h"
+#include "server/jobs/within_memory.h"
 #include "server/rpc/create_job.h"
 #include "server/rpc/download_result.h"
 #include "server/rpc/grpc_status.h"
@@ -29,6 +27,19 @@
 
 namespace isomatch {
 namespace {
+
+constexpr int kFieldsOfDigest = 3;  // itself, sha256, size_bytes
+constexpr int kFieldsOfLabel = 3;   // itself, key, value
+
+/// Of FindMissingMeshes: as many digests as there may be, and some to say so.
+constexpr RawBounds kDigestsRequest = {
+    128 * (RequestLimits::kMaxDigests + 100),
+    kFieldsOfDigest*(RequestLimits::kMaxDigests + 100)};
+
+/// Of ListJobs: all labels, and states.
+constexpr RawBounds kFilterRequest = {
+    32 << 10,
+    kFieldsOfLabel* static_cast<int>(RequestLimits::kMaxLabels) + 2000};
 
 grpc::ServerUnaryReactor* Finish(grpc::CallbackServerContext* call,
                                  const absl::Status& status) {
@@ -73,8 +84,8 @@ void SetLimits(const RequestLimits& limits,
   SetTenantLimits(limits.tenant, proto);
 }
 
-absl::Status FindMissing(const v1::FindMissingMeshesRequest& request,
-                         const ServiceContext& context, const Caller& caller,
+absl::Status FindMissing(const ServiceContext& context, const Caller& caller,
+                         const v1::FindMissingMeshesRequest& request,
                          v1::FindMissingMeshesResponse& response) {
   if (request.digests_size() > RequestLimits::kMaxDigests) {
     return InvalidField("digests", absl::StrCat(request.digests_size(),
@@ -94,59 +105,45 @@ absl::Status FindMissing(const v1::FindMissingMeshesRequest& request,
   return absl::OkStatus();
 }
 
-absl::Status FindMissingRaw(const grpc::ByteBuffer& raw,
-                            const ServiceContext& context, const Caller& caller,
-                            grpc::ByteBuffer& response) {
-  constexpr int kFieldsOfDigest = 3;  // itself, sha256, size_bytes
-  constexpr int kMaxFields = kFieldsOfDigest * (RequestLimits::kMaxDigests + 1);
-  grpc::ByteBuffer bytes = raw;  // shares them
-  grpc::ProtoBufferReader reader(&bytes);
-  ISOMATCH_RETURN_IF_ERROR(CheckFieldCount(
-      reader, *v1::FindMissingMeshesRequest::descriptor(), kMaxFields));
-  v1::FindMissingMeshesRequest request;
-  if (!ParseRaw(raw, request)) {
-    return InvalidField("request", "expected a FindMissingMeshesRequest");
-  }
-  v1::FindMissingMeshesResponse found;
-  ISOMATCH_RETURN_IF_ERROR(FindMissing(request, context, caller, found));
-  response = SerializeRaw(found);
-  return absl::OkStatus();
-}
-
-absl::Status Get(const v1::GetJobRequest& request, const Caller& caller,
-                 const JobManager& manager, v1::GetJobResponse& response) {
+absl::Status Get(const ServiceContext& context, const Caller& caller,
+                 const v1::GetJobRequest& request,
+                 v1::GetJobResponse& response) {
   ISOMATCH_ASSIGN_OR_RETURN(const std::string id, ParseJobName(request.name()));
   ISOMATCH_ASSIGN_OR_RETURN(const JobSnapshot snapshot,
-                            manager.Get(caller, id));
+                            context.manager->Get(caller, id));
   *response.mutable_job() = ToProto(snapshot);
   return absl::OkStatus();
 }
 
-absl::Status List(const v1::ListJobsRequest& request, const Caller& caller,
-                  const JobManager& manager, v1::ListJobsResponse& response) {
+absl::Status List(const ServiceContext& context, const Caller& caller,
+                  const v1::ListJobsRequest& request,
+                  v1::ListJobsResponse& response) {
   ISOMATCH_ASSIGN_OR_RETURN(JobFilter filter, ParseListJobs(request));
   const int page_size = filter.limit;
   ++filter.limit;  // one more tells whether there is a next page
-  FillPage(manager.List(caller, filter), filter, page_size, response);
+  FillPage(context.manager->List(caller, filter), filter, page_size, response);
   return absl::OkStatus();
 }
 
-absl::Status Cancel(const v1::CancelJobRequest& request, const Caller& caller,
-                    JobManager& manager, v1::CancelJobResponse& response) {
+absl::Status Cancel(const ServiceContext& context, const Caller& caller,
+                    const v1::CancelJobRequest& request,
+                    v1::CancelJobResponse& response) {
   ISOMATCH_ASSIGN_OR_RETURN(const std::string id, ParseJobName(request.name()));
   ISOMATCH_ASSIGN_OR_RETURN(const JobSnapshot snapshot,
-                            manager.Cancel(caller, id));
+                            context.manager->Cancel(caller, id));
   *response.mutable_job() = ToProto(snapshot);
   return absl::OkStatus();
 }
 
-absl::Status Delete(const v1::DeleteJobRequest& request, const Caller& caller,
-                    JobManager& manager) {
+absl::Status Delete(const ServiceContext& context, const Caller& caller,
+                    const v1::DeleteJobRequest& request,
+                    v1::DeleteJobResponse&) {
   ISOMATCH_ASSIGN_OR_RETURN(const std::string id, ParseJobName(request.name()));
-  return manager.Delete(caller, id);
+  return context.manager->Delete(caller, id);
 }
 
-void SetInformation(const ServiceContext& context, const Caller& caller,
+absl::Status Inform(const ServiceContext& context, const Caller& caller,
+                    const v1::GetServerInfoRequest&,
                     v1::GetServerInfoResponse& response) {
   const JobManager::Load load = context.manager->load();
   response.set_version(kVersion);
@@ -169,105 +166,129 @@ void SetInformation(const ServiceContext& context, const Caller& caller,
     *response.mutable_max_run_time() = DurationToProto(context.max_run_time);
   }
   response.set_tenant(caller.tenant);
+  return absl::OkStatus();
 }
 
 }  // namespace
 
-template <typename Answer>
+absl::StatusOr<Caller> CorrespondenceService::Read(
+    const Context& call, Role needed, const RawBounds& bounds, const Bytes* raw,
+    google::protobuf::Message& request) const {
+  const Bytes bytes = TakeBytes(raw);
+  ISOMATCH_ASSIGN_OR_RETURN(Caller caller,
+                            context_.access->Identify(call, needed));
+  ISOMATCH_RETURN_IF_ERROR(ParseWithin(bounds, bytes, request));
+  return caller;
+}
+
+template <typename Request, typename Response>
 grpc::ServerUnaryReactor* CorrespondenceService::Respond(
-    grpc::CallbackServerContext* call, Role needed, const Answer& answer) {
-  const auto caller = context_.access->Identify(*call, needed);
-  return Finish(call, caller.ok() ? answer(*caller) : caller.status());
+    Context* call, Role needed, const RawBounds& bounds, const Bytes* raw,
+    Bytes* response,
+    absl::Status (*answer)(const ServiceContext&, const Caller&, const Request&,
+                           Response&)) {
+  Request request;
+  const auto caller = Read(*call, needed, bounds, raw, request);
+  if (!caller.ok()) return Finish(call, caller.status());
+  Response found;
+  const absl::Status answered = answer(context_, *caller, request, found);
+  if (answered.ok()) *response = SerializeRaw(found);
+  return Finish(call, answered);
+}
+
+template <typename Request, typename Response>
+grpc::ServerUnaryReactor* CorrespondenceService::RespondInTurn(
+    Context* call, Role needed, const RawBounds& bounds, const Bytes* raw,
+    Bytes* response,
+    absl::Status (*answer)(const ServiceContext&, const Caller&, const Request&,
+                           Response&)) {
+  Request request;
+  const auto caller = Read(*call, needed, bounds, raw, request);
+  if (!caller.ok()) return Finish(call, caller.status());
+  Unary* const reactor = call->DefaultReactor();
+  auto task = [this, caller = *caller, request, answer, response, reactor] {
+    const absl::Status answered = WithinMemory([&] {
+      Response found;
+      const absl::Status status = answer(context_, caller, request, found);
+      if (status.ok()) *response = SerializeRaw(found);
+      return status;
+    });
+    reactor->Finish(ToGrpc(answered));
+  };
+  const absl::Status posted = WithinMemory([&] {
+    context_.changes->Post(caller->tenant, std::move(task));
+    return absl::OkStatus();
+  });
+  if (!posted.ok()) reactor->Finish(ToGrpc(posted));
+  return reactor;
 }
 
 grpc::ServerUnaryReactor* CorrespondenceService::GetServerInfo(
-    grpc::CallbackServerContext* call, const v1::GetServerInfoRequest*,
-    v1::GetServerInfoResponse* response) {
-  return Respond(call, Role::kRead, [&](const Caller& caller) {
-    SetInformation(context_, caller, *response);
-    return absl::OkStatus();
-  });
+    Context* call, const Bytes* request, Bytes* response) {
+  return Respond(call, Role::kRead, kSmallRequest, request, response, Inform);
 }
 
-grpc::ServerReadReactor<v1::UploadMeshRequest>*
-CorrespondenceService::UploadMesh(grpc::CallbackServerContext* call,
-                                  v1::UploadMeshResponse* response) {
+CorrespondenceService::Reader* CorrespondenceService::UploadMesh(
+    Context* call, Bytes* response) {
   const auto caller = context_.access->Identify(*call, Role::kSubmit);
-  if (!caller.ok()) {
-    return new Refused<grpc::ServerReadReactor<v1::UploadMeshRequest>>(
-        caller.status());
-  }
+  if (!caller.ok()) return new Refused<Reader>(caller.status());
   return StartUploadMesh(context_, caller->tenant, response);
 }
 
 grpc::ServerUnaryReactor* CorrespondenceService::FindMissingMeshes(
-    grpc::CallbackServerContext* call, const grpc::ByteBuffer* request,
-    grpc::ByteBuffer* response) {
-  return Respond(call, Role::kRead, [&](const Caller& caller) {
-    return FindMissingRaw(*request, context_, caller, *response);
-  });
+    Context* call, const Bytes* request, Bytes* response) {
+  return Respond(call, Role::kRead, kDigestsRequest, request, response,
+                 FindMissing);
 }
 
-grpc::ServerUnaryReactor* CorrespondenceService::CreateJob(
-    grpc::CallbackServerContext* call, const grpc::ByteBuffer* request,
-    grpc::ByteBuffer* response) {
+grpc::ServerUnaryReactor* CorrespondenceService::CreateJob(Context* call,
+                                                           const Bytes* request,
+                                                           Bytes* response) {
   const auto caller = context_.access->Identify(*call, Role::kSubmit);
   if (!caller.ok()) return Finish(call, caller.status());
   return StartCreateJob(context_, *caller, call, request, response);
 }
 
-grpc::ServerUnaryReactor* CorrespondenceService::GetJob(
-    grpc::CallbackServerContext* call, const v1::GetJobRequest* request,
-    v1::GetJobResponse* response) {
-  return Respond(call, Role::kRead, [&](const Caller& caller) {
-    return Get(*request, caller, *context_.manager, *response);
-  });
+grpc::ServerUnaryReactor* CorrespondenceService::GetJob(Context* call,
+                                                        const Bytes* request,
+                                                        Bytes* response) {
+  return Respond(call, Role::kRead, kSmallRequest, request, response, Get);
 }
 
-grpc::ServerWriteReactor<v1::WatchJobResponse>* CorrespondenceService::WatchJob(
-    grpc::CallbackServerContext* call, const v1::WatchJobRequest* request) {
-  const auto caller = context_.access->Identify(*call, Role::kRead);
-  if (!caller.ok()) {
-    return new Refused<grpc::ServerWriteReactor<v1::WatchJobResponse>>(
-        caller.status());
-  }
-  return StartWatchJob(context_, *caller, *request);
+CorrespondenceService::Writer* CorrespondenceService::WatchJob(
+    Context* call, const Bytes* raw) {
+  v1::WatchJobRequest request;
+  const auto caller = Read(*call, Role::kRead, kSmallRequest, raw, request);
+  if (!caller.ok()) return new Refused<Writer>(caller.status());
+  return StartWatchJob(context_, *caller, request);
 }
 
-grpc::ServerUnaryReactor* CorrespondenceService::ListJobs(
-    grpc::CallbackServerContext* call, const v1::ListJobsRequest* request,
-    v1::ListJobsResponse* response) {
-  return Respond(call, Role::kRead, [&](const Caller& caller) {
-    return List(*request, caller, *context_.manager, *response);
-  });
+grpc::ServerUnaryReactor* CorrespondenceService::ListJobs(Context* call,
+                                                          const Bytes* request,
+                                                          Bytes* response) {
+  return Respond(call, Role::kRead, kFilterRequest, request, response, List);
 }
 
-grpc::ServerUnaryReactor* CorrespondenceService::CancelJob(
-    grpc::CallbackServerContext* call, const v1::CancelJobRequest* request,
-    v1::CancelJobResponse* response) {
-  return Respond(call, Role::kSubmit, [&](const Caller& caller) {
-    return Cancel(*request, caller, *context_.manager, *response);
-  });
+grpc::ServerUnaryReactor* CorrespondenceService::CancelJob(Context* call,
+                                                           const Bytes* request,
+                                                           Bytes* response) {
+  return RespondInTurn(call, Role::kSubmit, kSmallRequest, request, response,
+                       Cancel);
 }
 
-grpc::ServerUnaryReactor* CorrespondenceService::DeleteJob(
-    grpc::CallbackServerContext* call, const v1::DeleteJobRequest* request,
-    v1::DeleteJobResponse*) {
-  return Respond(call, Role::kSubmit, [&](const Caller& caller) {
-    return Delete(*request, caller, *context_.manager);
-  });
+grpc::ServerUnaryReactor* CorrespondenceService::DeleteJob(Context* call,
+                                                           const Bytes* request,
+                                                           Bytes* response) {
+  return RespondInTurn(call, Role::kSubmit, kSmallRequest, request, response,
+                       Delete);
 }
 
-grpc::ServerWriteReactor<v1::DownloadResultResponse>*
-CorrespondenceService::DownloadResult(
-    grpc::CallbackServerContext* call,
-    const v1::DownloadResultRequest* request) {
-  const auto caller = context_.access->Identify(*call, Role::kRead);
-  if (!caller.ok()) {
-    return new Refused<grpc::ServerWriteReactor<v1::DownloadResultResponse>>(
-        caller.status());
-  }
-  return StartDownloadResult(context_, *caller, *request);
+CorrespondenceService::Writer* CorrespondenceService::DownloadResult(
+    Context* call, const Bytes* raw) {
+  v1::DownloadResultRequest request;
+  auto caller = Read(*call, Role::kRead, kSmallRequest, raw, request);
+  if (!caller.ok()) return new Refused<Writer>(caller.status());
+  return StartDownloadResult(context_, *std::move(caller), std::move(request));
 }
 
 }  // namespace isomatch

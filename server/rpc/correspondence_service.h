@@ -1,73 +1,83 @@
 #pragma once
 
 #include "isomatch/v1/service.grpc.pb.h"
+#include "server/rpc/raw_message.h"
 #include "server/rpc/service_context.h"
 
 namespace isomatch {
 
 using GrpcService = v1::CorrespondenceService;
 
-/// What gRPC calls: CreateJob and FindMissingMeshes with the bytes that came,
-/// the others with parsed messages.
-using CallbackMethods = GrpcService::WithCallbackMethod_GetServerInfo<
-    GrpcService::WithCallbackMethod_UploadMesh<
+/// What gRPC calls: every method with the bytes that came, since parsed they
+/// may be forty times as many.
+using RawMethods = GrpcService::WithRawCallbackMethod_GetServerInfo<
+    GrpcService::WithRawCallbackMethod_UploadMesh<
         GrpcService::WithRawCallbackMethod_FindMissingMeshes<
             GrpcService::WithRawCallbackMethod_CreateJob<
-                GrpcService::WithCallbackMethod_GetJob<
-                    GrpcService::WithCallbackMethod_WatchJob<
-                        GrpcService::WithCallbackMethod_ListJobs<
-                            GrpcService::WithCallbackMethod_CancelJob<
-                                GrpcService::WithCallbackMethod_DeleteJob<
+                GrpcService::WithRawCallbackMethod_GetJob<
+                    GrpcService::WithRawCallbackMethod_WatchJob<
+                        GrpcService::WithRawCallbackMethod_ListJobs<
+                            GrpcService::WithRawCallbackMethod_CancelJob<
+                                GrpcService::WithRawCallbackMethod_DeleteJob<
                                     GrpcService::
-                                        WithCallbackMethod_DownloadResult<
+                                        WithRawCallbackMethod_DownloadResult<
                                             GrpcService::Service>>>>>>>>>>;
 
-/// The RPCs of isomatch.v1: each asks who calls, parses its request, asks the
-/// manager, converts the answer. Those with a life of their own are in files of
-/// their names. Requests that may hold many messages are not parsed by gRPC:
-/// their fields are counted first.
-class CorrespondenceService final : public CallbackMethods {
+/// The RPCs of isomatch.v1: each asks who calls, looks how large its request
+/// would be, parses it and forgets its bytes, asks the manager, converts the
+/// answer. Those with a life of their own are in files of their names. What
+/// reads or writes the disk does so in other threads than gRPC's, which are
+/// few.
+class CorrespondenceService final : public RawMethods {
  public:
   explicit CorrespondenceService(const ServiceContext& context)
       : context_(context) {}
 
-  grpc::ServerUnaryReactor* GetServerInfo(
-      grpc::CallbackServerContext* call, const v1::GetServerInfoRequest*,
-      v1::GetServerInfoResponse* response) override;
-  grpc::ServerReadReactor<v1::UploadMeshRequest>* UploadMesh(
-      grpc::CallbackServerContext* call,
-      v1::UploadMeshResponse* response) override;
-  grpc::ServerUnaryReactor* FindMissingMeshes(
-      grpc::CallbackServerContext* call, const grpc::ByteBuffer* request,
-      grpc::ByteBuffer* response) override;
-  grpc::ServerUnaryReactor* CreateJob(grpc::CallbackServerContext* call,
-                                      const grpc::ByteBuffer* request,
-                                      grpc::ByteBuffer* response) override;
-  grpc::ServerUnaryReactor* GetJob(grpc::CallbackServerContext* call,
-                                   const v1::GetJobRequest* request,
-                                   v1::GetJobResponse* response) override;
-  grpc::ServerWriteReactor<v1::WatchJobResponse>* WatchJob(
-      grpc::CallbackServerContext* call,
-      const v1::WatchJobRequest* request) override;
-  grpc::ServerUnaryReactor* ListJobs(grpc::CallbackServerContext* call,
-                                     const v1::ListJobsRequest* request,
-                                     v1::ListJobsResponse* response) override;
-  grpc::ServerUnaryReactor* CancelJob(grpc::CallbackServerContext* call,
-                                      const v1::CancelJobRequest* request,
-                                      v1::CancelJobResponse* response) override;
-  grpc::ServerUnaryReactor* DeleteJob(grpc::CallbackServerContext* call,
-                                      const v1::DeleteJobRequest* request,
-                                      v1::DeleteJobResponse* response) override;
-  grpc::ServerWriteReactor<v1::DownloadResultResponse>* DownloadResult(
-      grpc::CallbackServerContext* call,
-      const v1::DownloadResultRequest* request) override;
+  using Context = grpc::CallbackServerContext;
+  using Bytes = grpc::ByteBuffer;
+  using Unary = grpc::ServerUnaryReactor;
+  using Reader = grpc::ServerReadReactor<Bytes>;
+  using Writer = grpc::ServerWriteReactor<Bytes>;
+
+  Unary* GetServerInfo(Context* call, const Bytes* request,
+                       Bytes* response) override;
+  Reader* UploadMesh(Context* call, Bytes* response) override;
+  Unary* FindMissingMeshes(Context* call, const Bytes* request,
+                           Bytes* response) override;
+  Unary* CreateJob(Context* call, const Bytes* request,
+                   Bytes* response) override;
+  Unary* GetJob(Context* call, const Bytes* request, Bytes* response) override;
+  Writer* WatchJob(Context* call, const Bytes* request) override;
+  Unary* ListJobs(Context* call, const Bytes* request,
+                  Bytes* response) override;
+  Unary* CancelJob(Context* call, const Bytes* request,
+                   Bytes* response) override;
+  Unary* DeleteJob(Context* call, const Bytes* request,
+                   Bytes* response) override;
+  Writer* DownloadResult(Context* call, const Bytes* request) override;
 
  private:
-  /// Ends the call with what `answer`, a function of the Caller, returns; with
-  /// an error when the caller may not.
-  template <typename Answer>
-  grpc::ServerUnaryReactor* Respond(grpc::CallbackServerContext* call,
-                                    Role needed, const Answer& answer);
+  /// Returns who calls and parses the request; an error when the caller may not
+  /// or the request is too large. Its bytes are gone then.
+  absl::StatusOr<Caller> Read(const Context& call, Role needed,
+                              const RawBounds& bounds, const Bytes* raw,
+                              google::protobuf::Message& request) const;
+
+  /// Ends the call with what `answer`, a function of ServiceContext, Caller,
+  /// Request and Response, returns and fills in.
+  template <typename Request, typename Response>
+  Unary* Respond(Context* call, Role needed, const RawBounds& bounds,
+                 const Bytes* raw, Bytes* response,
+                 absl::Status (*answer)(const ServiceContext&, const Caller&,
+                                        const Request&, Response&));
+
+  /// The same when it is the tenant's turn, for what changes a job.
+  template <typename Request, typename Response>
+  Unary* RespondInTurn(Context* call, Role needed, const RawBounds& bounds,
+                       const Bytes* raw, Bytes* response,
+                       absl::Status (*answer)(const ServiceContext&,
+                                              const Caller&, const Request&,
+                                              Response&));
 
   const ServiceContext context_;
 };

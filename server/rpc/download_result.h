@@ -8,9 +8,10 @@
 namespace isomatch {
 
 /// Streams a part of the result of a job that the caller may see: the header,
-/// then chunks from the offset on.
-grpc::ServerWriteReactor<v1::DownloadResultResponse>* StartDownloadResult(
-    const ServiceContext& context, const Caller& caller,
-    const v1::DownloadResultRequest& request);
+/// then chunks from the offset on. The part is read when it is the tenant's
+/// turn, and takes of what the tenant may have in memory until it is sent.
+grpc::ServerWriteReactor<grpc::ByteBuffer>* StartDownloadResult(
+    const ServiceContext& context, Caller caller,
+    v1::DownloadResultRequest request);
 
 }  // namespace isomatch

@@ -1,11 +1,11 @@
 #pragma once
 
-#include <string>
+#include <cstddef>
 
 #include <google/protobuf/message.h>
 #include <grpcpp/support/byte_buffer.h>
-#include <grpcpp/support/proto_buffer_reader.h>
-#include <grpcpp/support/slice.h>
+
+#include "absl/status/status.h"
 
 namespace isomatch {
 
@@ -13,17 +13,28 @@ namespace isomatch {
 // first.
 
 /// False when the bytes are no such message.
-inline bool ParseRaw(const grpc::ByteBuffer& raw,
-                     google::protobuf::Message& message) {
-  grpc::ByteBuffer bytes = raw;  // shares them
-  grpc::ProtoBufferReader reader(&bytes);
-  return reader.status().ok() && message.ParseFromZeroCopyStream(&reader);
-}
+bool ParseRaw(const grpc::ByteBuffer& raw, google::protobuf::Message& message);
 
-inline grpc::ByteBuffer SerializeRaw(const google::protobuf::Message& message) {
-  const std::string bytes = message.SerializeAsString();
-  const grpc::Slice slice(bytes);
-  return grpc::ByteBuffer(&slice, 1);
-}
+grpc::ByteBuffer SerializeRaw(const google::protobuf::Message& message);
+
+/// Takes the bytes out of a request that a handler was given. gRPC keeps the
+/// request as long as the call runs, though nobody else reads it.
+grpc::ByteBuffer TakeBytes(const grpc::ByteBuffer* request);
+
+/// How large a message may be to be parsed: parsed, each field takes about 100
+/// bytes beside those that came, also one that nobody knows.
+struct RawBounds {
+  std::size_t max_bytes;
+  /// Those of its messages included.
+  int max_fields;
+};
+
+/// Of a request that names a job, or nothing.
+inline constexpr RawBounds kSmallRequest = {4 << 10, 100};
+
+/// Parses `raw` if it is within the bounds. INVALID_ARGUMENT (INVALID_FIELD)
+/// names the field of which there are too many, or "request".
+absl::Status ParseWithin(const RawBounds& bounds, const grpc::ByteBuffer& raw,
+                         google::protobuf::Message& message);
 
 }  // namespace isomatch

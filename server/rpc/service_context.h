@@ -2,7 +2,6 @@
 
 #include "absl/time/time.h"
 #include "server/convert/parse_create_job.h"
-#include "server/jobs/executor.h"
 #include "server/jobs/job_manager.h"
 #include "server/jobs/memory_budget.h"
 #include "server/jobs/partial_uploads.h"
@@ -28,13 +27,18 @@ struct ServiceContext {
   TenantBudgets* requests;
   /// Not of bytes: one for each UploadMesh call that runs.
   TenantBudgets* uploads;
+  /// Room for parts of results that are being sent.
+  TenantBudgets* downloads;
   /// Room for unfinished uploads, and what those that broke off have brought.
   PartialUploads* partial_uploads;
   /// Decodes and checks CreateJob's meshes, a few requests at a time, so that
   /// gRPC threads stay free and decoding needs bounded memory.
   TenantTurns* intake;
-  /// Writes uploaded meshes to disk, which takes a while.
-  Executor* disk;
+  /// Writes jobs that are cancelled or deleted to disk, which gRPC's threads do
+  /// not wait for.
+  TenantTurns* changes;
+  /// The same of meshes and results, which are larger: writes and reads them.
+  TenantTurns* disk;
   Metrics* metrics = &NullMetrics();
   ParseContext parse;
   int workers = 1;

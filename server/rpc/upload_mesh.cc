@@ -10,11 +10,14 @@
 
 #include <grpcpp/alarm.h>
 
+#include "absl/strings/str_cat.h"
 #include "core/base/mutex.h"
+#include "core/base/status_macros.h"
 #include "server/convert/mesh_upload.h"
 #include "server/jobs/errors.h"
 #include "server/jobs/within_memory.h"
 #include "server/rpc/grpc_status.h"
+#include "server/rpc/raw_message.h"
 #include "server/rpc/refused.h"
 
 namespace isomatch {
@@ -26,6 +29,9 @@ constexpr std::int64_t kLeastSpeed = 1024;
 /// The longest that a whole mesh may take.
 constexpr std::int64_t kMostSeconds = 3600;
 
+/// Of one message: those of a header are four.
+constexpr int kMostFields = 8;
+
 std::int64_t LeastSpeed(const v1::Digest& header) {
   return std::max(kLeastSpeed, static_cast<std::int64_t>(header.size_bytes()) /
                                    kMostSeconds);
@@ -35,22 +41,25 @@ std::int64_t LeastSpeed(const v1::Digest& header) {
 ///
 ///   1. Begin: reads the first message, sets the idle alarm.
 ///   2. OnReadDone: takes the message, reads the next; finishes on an error, or
-///      at once when the mesh is known. At the end of the stream the disk's
-///      executor stores the mesh and finishes, whatever happens meanwhile.
-///   3. The alarm: finishes when less than LeastSpeed came since it was set.
+///      at once when the mesh is known. A thread of the disk takes the header,
+///      since it looks whether the mesh is there, and at the end of the stream
+///      stores the mesh and finishes, whatever happens meanwhile.
+///   3. The alarm: finishes when less than LeastSpeed came since it was set,
+///   but
+///      for the time that the disk took.
 ///   4. OnCancel: finishes with CANCELLED.
 ///   5. OnDone: nothing reads any more; keeps the bytes of an upload that broke
 ///      off, lets go of itself.
 ///
 /// It holds itself alive from 1 to 5; the alarm holds it weakly.
 class UploadMeshReactor final
-    : public grpc::ServerReadReactor<v1::UploadMeshRequest>,
+    : public grpc::ServerReadReactor<grpc::ByteBuffer>,
       public std::enable_shared_from_this<UploadMeshReactor> {
  public:
   UploadMeshReactor(const ServiceContext& context, const std::string& tenant,
-                    MemoryBudget::Reservation place,
-                    v1::UploadMeshResponse* response)
+                    MemoryBudget::Reservation place, grpc::ByteBuffer* response)
       : context_(context),
+        tenant_(tenant),
         place_(std::move(place)),
         response_(*response),
         upload_({context.blobs, context.partial_uploads, context.parse.limits},
@@ -64,18 +73,17 @@ class UploadMeshReactor final
 
   void OnReadDone(bool ok) override {
     if (!ok) return OnEndOfStream();
-    const auto bytes = static_cast<std::int64_t>(request_.chunk().size());
-    received_bytes_ += bytes;
-    context_.metrics->Uploaded(bytes);
-    const absl::Status taken =
-        WithinMemory([&] { return upload_.Take(request_); });
-    if (!taken.ok()) return FinishOnce(ToGrpc(taken));
-    least_speed_ = LeastSpeed(upload_.digest());
-    if (upload_.known()) return FinishWithAnswer();
-    StartRead(&request_);
+    v1::UploadMeshRequest message;
+    const absl::Status read = Read(message);
+    if (!read.ok()) return FinishOnce(ToGrpc(read));
+    if (message.has_header()) {
+      OnDisk([this, message = std::move(message)] { Take(message); });
+    } else {
+      Take(message);
+    }
   }
 
-  void OnCancel() override { FinishUnlessStoring(grpc::Status::CANCELLED); }
+  void OnCancel() override { FinishUnlessOnDisk(grpc::Status::CANCELLED); }
 
   void OnDone() override {
     alarm_.Cancel();
@@ -84,15 +92,55 @@ class UploadMeshReactor final
   }
 
  private:
+  /// Parses what came and forgets its bytes.
+  absl::Status Read(v1::UploadMeshRequest& message) {
+    const grpc::ByteBuffer bytes = TakeBytes(&request_);
+    const auto most =
+        static_cast<std::size_t>(context_.parse.limits.max_request_bytes);
+    ISOMATCH_RETURN_IF_ERROR(WithinMemory([&] {
+      return ParseWithin({most, kMostFields}, bytes, message);
+    }));
+    if (!message.has_header() || bytes.Length() <= kSmallRequest.max_bytes) {
+      return absl::OkStatus();
+    }
+    return UploadMalformed(absl::StrCat("a header of ", bytes.Length(),
+                                        " bytes, expected at most ",
+                                        kSmallRequest.max_bytes));
+  }
+
+  void Take(const v1::UploadMeshRequest& message) {
+    const auto bytes = static_cast<std::int64_t>(message.chunk().size());
+    received_bytes_ += bytes;
+    context_.metrics->Uploaded(bytes);
+    const absl::Status taken =
+        WithinMemory([&] { return upload_.Take(message); });
+    if (!taken.ok()) return FinishOnce(ToGrpc(taken));
+    least_speed_ = LeastSpeed(upload_.digest());
+    if (upload_.known()) return FinishWithAnswer();
+    // Under the lock, so that nobody finishes in between.
+    MutexLock lock(mutex_);
+    on_disk_ = false;
+    if (!finished_) StartRead(&request_);
+  }
+
   /// The client is done, or the call has ended already.
   void OnEndOfStream() {
+    OnDisk([this] { Store(); });
+  }
+
+  /// Calls `act()` in a thread of the disk, unless all is over.
+  template <typename Act>
+  void OnDisk(Act act) {
     {
       MutexLock lock(mutex_);
       if (finished_) return;
-      storing_ = true;
+      on_disk_ = true;
     }
     FinishWithoutMemory([&] {
-      context_.disk->Post([this] { FinishWithoutMemory([&] { Store(); }); });
+      context_.disk->Post(tenant_,
+                          [self = shared_from_this(), act = std::move(act)] {
+                            self->FinishWithoutMemory(act);
+                          });
     });
   }
 
@@ -114,8 +162,10 @@ class UploadMeshReactor final
   }
 
   void FinishWithAnswer() {
-    *response_.mutable_digest() = upload_.digest();
-    response_.set_known(upload_.known());
+    v1::UploadMeshResponse answer;
+    *answer.mutable_digest() = upload_.digest();
+    answer.set_known(upload_.known());
+    response_ = SerializeRaw(answer);
     FinishOnce(grpc::Status::OK);
   }
 
@@ -133,20 +183,28 @@ class UploadMeshReactor final
     const auto more = static_cast<double>(received - received_at_alarm_);
     received_at_alarm_ = received;
     const std::int64_t least = least_speed_;
-    if (more < static_cast<double>(least) * absl::ToDoubleSeconds(time)) {
-      return FinishUnlessStoring(ToGrpc(UploadIdle(time, least)));
+    if (more >= static_cast<double>(least) * absl::ToDoubleSeconds(time)) {
+      return SetAlarmAgain();
     }
+    if (FinishUnlessOnDisk(ToGrpc(UploadIdle(time, least)))) return;
+    SetAlarmAgain();
+  }
+
+  void SetAlarmAgain() {
     // Under the lock, so that OnDone's Cancel comes after it.
     MutexLock lock(mutex_);
     if (!finished_) SetAlarm();
   }
 
-  void FinishUnlessStoring(const grpc::Status& status) {
+  /// False when the disk's thread is to go on.
+  bool FinishUnlessOnDisk(const grpc::Status& status) {
     {
       MutexLock lock(mutex_);
-      if (storing_ || std::exchange(finished_, true)) return;
+      if (on_disk_) return false;
+      if (std::exchange(finished_, true)) return true;
     }
     Finish(status);
+    return true;
   }
 
   void FinishOnce(const grpc::Status& status) {
@@ -158,11 +216,12 @@ class UploadMeshReactor final
   }
 
   const ServiceContext& context_;
+  const std::string tenant_;
   const MemoryBudget::Reservation place_;
   std::shared_ptr<UploadMeshReactor> self_;
   grpc::Alarm alarm_;
-  v1::UploadMeshRequest request_;
-  v1::UploadMeshResponse& response_;
+  grpc::ByteBuffer request_;
+  grpc::ByteBuffer& response_;
   /// Only used between two reads, and when all is done.
   MeshUpload upload_;
   std::atomic<std::int64_t> received_bytes_ = 0;
@@ -171,19 +230,19 @@ class UploadMeshReactor final
   std::int64_t received_at_alarm_ = 0;
 
   Mutex mutex_;
-  /// Nobody but Store finishes from here on.
-  bool storing_ ABSL_GUARDED_BY(mutex_) = false;
+  /// Nobody but the disk's thread finishes as long as this is so.
+  bool on_disk_ ABSL_GUARDED_BY(mutex_) = false;
   bool finished_ ABSL_GUARDED_BY(mutex_) = false;
 };
 
 }  // namespace
 
-grpc::ServerReadReactor<v1::UploadMeshRequest>* StartUploadMesh(
+grpc::ServerReadReactor<grpc::ByteBuffer>* StartUploadMesh(
     const ServiceContext& context, const std::string& tenant,
-    v1::UploadMeshResponse* response) {
+    grpc::ByteBuffer* response) {
   auto place = context.uploads->Of(tenant).Reserve(1);
   if (!place.ok()) {
-    return new Refused<grpc::ServerReadReactor<v1::UploadMeshRequest>>(
+    return new Refused<grpc::ServerReadReactor<grpc::ByteBuffer>>(
         TenantUploadsQuota(tenant, context.uploads->share_bytes(),
                            kRetryUploadQuota));
   }

@@ -11,8 +11,8 @@ namespace isomatch {
 
 /// Takes one mesh of a tenant in chunks and stores it; see service.proto. At
 /// most as many of a tenant at a time as it may have.
-grpc::ServerReadReactor<v1::UploadMeshRequest>* StartUploadMesh(
+grpc::ServerReadReactor<grpc::ByteBuffer>* StartUploadMesh(
     const ServiceContext& context, const std::string& tenant,
-    v1::UploadMeshResponse* response);
+    grpc::ByteBuffer* response);
 
 }  // namespace isomatch

@@ -13,6 +13,7 @@
 #include "server/convert/job_proto.h"
 #include "server/jobs/errors.h"
 #include "server/rpc/grpc_status.h"
+#include "server/rpc/raw_message.h"
 #include "server/rpc/refused.h"
 
 namespace isomatch {
@@ -34,7 +35,7 @@ namespace {
 ///
 /// It holds itself alive from 1 to 7; the manager and the alarm hold it weakly.
 class WatchJobReactor final
-    : public grpc::ServerWriteReactor<v1::WatchJobResponse>,
+    : public grpc::ServerWriteReactor<grpc::ByteBuffer>,
       public JobWatcher,
       public std::enable_shared_from_this<WatchJobReactor> {
  public:
@@ -102,7 +103,9 @@ class WatchJobReactor final
   void Pump(bool heartbeat) {
     const auto snapshot = context_.manager->Get(caller_, id_);
     if (!snapshot.ok()) return FinishOnce(ToGrpc(snapshot.status()));
-    v1::Job job = ToProto(*snapshot);
+    v1::WatchJobResponse message;
+    v1::Job& job = *message.mutable_job();
+    job = ToProto(*snapshot);
     const bool terminal = IsTerminal(snapshot->record.state);
     if (!terminal && context_.manager->has_stopped()) {
       return FinishOnce(ToGrpc(Draining(kRetryDraining)));
@@ -121,7 +124,7 @@ class WatchJobReactor final
       written_sequence_ = job.sequence();
       writing_ = true;
       wrote_terminal_ = terminal;
-      response_.mutable_job()->Swap(&job);
+      response_ = SerializeRaw(message);
     }
     StartWrite(&response_);
   }
@@ -158,19 +161,19 @@ class WatchJobReactor final
   bool wrote_terminal_ ABSL_GUARDED_BY(mutex_) = false;
   bool cancelled_ ABSL_GUARDED_BY(mutex_) = false;
   bool finished_ ABSL_GUARDED_BY(mutex_) = false;
-  v1::WatchJobResponse response_;
+  grpc::ByteBuffer response_;
 };
 
 }  // namespace
 
-grpc::ServerWriteReactor<v1::WatchJobResponse>* StartWatchJob(
+grpc::ServerWriteReactor<grpc::ByteBuffer>* StartWatchJob(
     const ServiceContext& context, const Caller& caller,
     const v1::WatchJobRequest& request) {
   const auto id = ParseJobName(request.name());
   const absl::Status known =
       id.ok() ? context.manager->Get(caller, *id).status() : id.status();
   if (!known.ok()) {
-    return new Refused<grpc::ServerWriteReactor<v1::WatchJobResponse>>(known);
+    return new Refused<grpc::ServerWriteReactor<grpc::ByteBuffer>>(known);
   }
   // Not make_shared: the weak references of an alarm would keep its memory.
   const std::shared_ptr<WatchJobReactor> reactor(

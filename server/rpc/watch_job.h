@@ -9,7 +9,7 @@ namespace isomatch {
 
 /// Streams snapshots of a job that the caller may see until it is terminal; see
 /// service.proto.
-grpc::ServerWriteReactor<v1::WatchJobResponse>* StartWatchJob(
+grpc::ServerWriteReactor<grpc::ByteBuffer>* StartWatchJob(
     const ServiceContext& context, const Caller& caller,
     const v1::WatchJobRequest& request);
 

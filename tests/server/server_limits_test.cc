@@ -64,8 +64,9 @@ TEST(ServerLimitsTest, WhatIsHeldBesideTheBudgetLeavesAPartToTheProcess) {
     config.api_keys = keys;
     config.blob_store_bytes = std::int64_t{1} << 50;
     EXPECT_LE(RequestBytes(config) + UploadBytes(config) +
+                  DownloadBytes(config) +
                   IntakeThreads(config) * ReadingBytes(config),
-              ChooseBudgetBytes(config) / 32 * 7 + 32);
+              ChooseBudgetBytes(config) / 64 * 15 + 64);
   }
 }
 

@@ -244,6 +244,25 @@ TEST_F(UploadMeshTest, ATricklingUploadIsDropped) {
   EXPECT_EQ(ErrorOf(writer->Finish()).reason, "UPLOAD_IDLE");
 }
 
+TEST_F(UploadMeshTest, ALargeMeshHasToComeFaster) {
+  ServerConfig config = TestConfig();
+  config.upload_idle_timeout = absl::Milliseconds(500);
+  Restart(config);
+  grpc::ClientContext context;
+  const auto writer = stub_->UploadMesh(&context, &response_);
+  v1::UploadMeshRequest request;
+  request.mutable_header()->set_sha256(std::string(64, 'a'));
+  request.mutable_header()->set_size_bytes(32 << 20);  // 4660 in this time
+  writer->Write(request);
+  request.set_chunk(std::string(60, 'x'));  // 3000 at most
+  const absl::Time end = absl::Now() + absl::Seconds(10);
+  while (writer->Write(request)) {
+    absl::SleepFor(absl::Milliseconds(10));
+    if (absl::Now() > end) context.TryCancel();
+  }
+  EXPECT_EQ(ErrorOf(writer->Finish()).reason, "UPLOAD_IDLE");
+}
+
 TEST_F(UploadMeshTest, AnIdleUploadGoesOnWhereItWas) {
   ServerConfig config = TestConfig();
   config.upload_idle_timeout = absl::Milliseconds(500);
