@@ -298,6 +298,8 @@ LoadFigures Server::Impl::ReadLoad() {
                          .running_jobs = load.running_jobs,
                          .stuck_workers = load.stuck_jobs,
                          .watchers = manager_.watchers().size(),
+                         .connections = accept_loop_->CountOpen(),
+                         .refused_connections = accept_loop_->refused(),
                          .memory_budget_bytes = budget_.total_bytes(),
                          .memory_reserved_bytes = budget_.reserved_bytes(),
                          .memory_measured_bytes = PeakResidentBytes(),

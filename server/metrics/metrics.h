@@ -55,6 +55,9 @@ struct LoadFigures {
   int running_jobs = 0;
   int stuck_workers = 0;
   int watchers = 0;
+  /// Open ones, and since the start those that were refused.
+  int connections = 0;
+  std::int64_t refused_connections = 0;
   std::int64_t memory_budget_bytes = 0;
   std::int64_t memory_reserved_bytes = 0;
   /// The peak of the process since a job last started.

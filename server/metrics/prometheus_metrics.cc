@@ -58,6 +58,17 @@ MetricFamily MakeGauge(const std::string& name, const std::string& help,
   return family;
 }
 
+MetricFamily MakeTotal(const std::string& name, const std::string& help,
+                       double value) {
+  MetricFamily family;
+  family.name = absl::StrCat("isomatch_", name);
+  family.help = help;
+  family.type = prometheus::MetricType::Counter;
+  family.metric.resize(1);
+  family.metric[0].counter.value = value;
+  return family;
+}
+
 /// Few labels, however many priorities there are.
 MetricFamily QueuedJobs(const LoadFigures& load) {
   MetricFamily family;
@@ -126,6 +137,10 @@ class LoadCollector final : public prometheus::Collectable {
                   "Workers whose jobs were asked to stop and do not",
                   load.stuck_workers),
         MakeGauge("watchers", "WatchJob streams that are open", load.watchers),
+        MakeGauge("connections", "Connections that are open", load.connections),
+        MakeTotal("connections_refused_total",
+                  "Connections that were closed at once",
+                  static_cast<double>(load.refused_connections)),
         MakeGauge("memory_budget_bytes",
                   "What running jobs may reserve together",
                   bytes(load.memory_budget_bytes)),

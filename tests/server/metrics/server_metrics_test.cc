@@ -108,6 +108,8 @@ TEST_F(ServerMetricsTest, GaugesAreThoseOfTheMoment) {
               AllOf(HasSubstr("isomatch_jobs_queued{priority=\"high\"} 1\n"),
                     HasSubstr("isomatch_jobs_running 1\n"),
                     HasSubstr("isomatch_watchers 1\n"),
+                    HasSubstr("isomatch_connections 1\n"),
+                    HasSubstr("isomatch_connections_refused_total 0\n"),
                     Not(HasSubstr("memory_reserved_bytes 0\n"))));
   context.TryCancel();
   WaitFor("isomatch_watchers 0\n");
