@@ -5,6 +5,7 @@
 #include <utility>
 
 #include <google/protobuf/descriptor.h>
+#include <google/protobuf/message.h>
 #include <grpcpp/server_context.h>
 
 #include "absl/status/status.h"
@@ -90,7 +91,18 @@ struct Method {
   std::string name = kOtherMethod;
   JobOf job_of_request = nullptr;
   JobOf job_of_response = nullptr;
+  /// gRPC parses requests itself and keeps the last one while the stream lives.
+  bool is_parsed_by_grpc = false;
 };
+
+/// For a message that came of a method that gRPC parses: what is too large is
+/// no request any more.
+void ClearIfLarge(void* message) {
+  auto* const request = static_cast<google::protobuf::Message*>(message);
+  if (request != nullptr && request->ByteSizeLong() > kSmallRequest.max_bytes) {
+    request->Clear();
+  }
+}
 
 /// Methods by gRPC's path, which is "/" and the name.
 using Methods = std::map<std::string, Method>;
@@ -112,6 +124,9 @@ Methods KnownMethods() {
   AddService("isomatch.v1.CorrespondenceService", methods);
   AddService("grpc.health.v1.Health", methods);
   AddService("grpc.reflection.v1alpha.ServerReflection", methods);
+  const auto reflection = methods.find(
+      "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo");
+  if (reflection != methods.end()) reflection->second.is_parsed_by_grpc = true;
   const auto of = [&](const char* name) -> Method& {
     return methods[absl::StrCat("/isomatch.v1.CorrespondenceService/", name)];
   };
@@ -144,6 +159,7 @@ class CallInterceptor final : public grpc::experimental::Interceptor {
       ReadMetadata(batch->GetRecvInitialMetadata());
     }
     if (at(InterceptionHookPoints::POST_RECV_MESSAGE)) {
+      if (method_.is_parsed_by_grpc) ClearIfLarge(batch->GetRecvMessage());
       ReadJob(method_.job_of_request, batch->GetRecvMessage());
     }
     if (at(InterceptionHookPoints::PRE_SEND_INITIAL_METADATA)) {

@@ -91,17 +91,21 @@ class RawRequestsTest : public TestServer {
   /// Streams answer as calls of one message, when they are refused.
   CallError Call(const std::string& method, const std::string& bytes,
                  const std::string& key = "key") {
+    return CallPath("/isomatch.v1.CorrespondenceService/" + method, bytes, key);
+  }
+
+  CallError CallPath(const std::string& path, const std::string& bytes,
+                     const std::string& key) {
     grpc::ClientContext context;
     context.AddMetadata("api-key", key);
     grpc::GenericStub stub(channel_);
     grpc::CompletionQueue queue;
-    const auto call = stub.PrepareUnaryCall(
-        &context, "/isomatch.v1.CorrespondenceService/" + method,
-        BufferOf(bytes), &queue);
+    const auto call =
+        stub.PrepareUnaryCall(&context, path, BufferOf(bytes), &queue);
     call->StartCall();
-    grpc::ByteBuffer response;
     grpc::Status status;
-    call->Finish(&response, &status, nullptr);
+    response_.Clear();
+    call->Finish(&response_, &status, nullptr);
     void* tag = nullptr;
     bool ok = false;
     queue.Next(&tag, &ok);
@@ -111,6 +115,7 @@ class RawRequestsTest : public TestServer {
 
   const TemporaryFolder folder_;
   std::string message_;
+  grpc::ByteBuffer response_;
 };
 
 TEST_F(RawRequestsTest, UnknownFieldsAreCountedByEveryMethod) {
@@ -138,6 +143,19 @@ TEST_F(RawRequestsTest, AHeaderOfAnUploadIsSmall) {
   EXPECT_EQ(Call("UploadMesh", request.SerializeAsString()).reason,
             "UPLOAD_MALFORMED");
   EXPECT_THAT(message_, HasSubstr("expected at most 4096"));
+}
+
+TEST_F(RawRequestsTest, ReflectionKeepsNothingLarge) {
+  const std::string path =
+      "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo";
+  const std::string list = std::string("\x3a\x00", 2);  // the services
+  EXPECT_EQ(CallPath(path, list, "").code, grpc::StatusCode::OK);
+  EXPECT_GT(response_.Length(), 50);
+  // An answer repeats its request.
+  EXPECT_EQ(CallPath(path, list + UnknownFields(1'000'000), "").code,
+            grpc::StatusCode::OK);
+  EXPECT_GT(response_.Length(), 0);
+  EXPECT_LT(response_.Length(), 1000);
 }
 
 }  // namespace
