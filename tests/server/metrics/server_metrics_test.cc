@@ -91,6 +91,31 @@ TEST_F(ServerMetricsTest, AJobThatRanIsSeen) {
                     Not(HasSubstr("isomatch_memory_measured_bytes 0\n"))));
 }
 
+TEST_F(ServerMetricsTest, ConnectionsBeyondTheLimitAreRefusedAndCounted) {
+  ServerConfig config = TestConfig();
+  config.metrics_listen = "127.0.0.1:0";
+  config.max_connections = 1;
+  Restart(config);
+  const auto ask = [](v1::CorrespondenceService::Stub& stub) {
+    grpc::ClientContext context;
+    v1::GetServerInfoResponse response;
+    return stub.GetServerInfo(&context, {}, &response).ok();
+  };
+  EXPECT_TRUE(ask(*stub_));
+  grpc::ChannelArguments own_connection;
+  own_connection.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
+  const auto other =
+      v1::CorrespondenceService::NewStub(grpc::CreateCustomChannel(
+          server_->address(), grpc::InsecureChannelCredentials(),
+          own_connection));
+  EXPECT_FALSE(ask(*other));
+  EXPECT_THAT(Scrape(),
+              AllOf(HasSubstr("isomatch_connections 1\n"),
+                    HasSubstr("isomatch_connections_refused_total "),
+                    Not(HasSubstr("isomatch_connections_refused_total 0\n"))));
+  EXPECT_TRUE(ask(*stub_));
+}
+
 TEST_F(ServerMetricsTest, GaugesAreThoseOfTheMoment) {
   gate_open_ = false;
   const std::string running = CreateJob();
