@@ -13,14 +13,14 @@
 #include "tests/server/test_server.h"
 
 namespace isomatch {
-namespace {
 
-/// The reason stands before the message, see ReasonOf.
 absl::Status FromGrpc(const grpc::Status& status) {
   if (status.ok()) return absl::OkStatus();
   return {static_cast<absl::StatusCode>(status.error_code()),
           absl::StrCat(ErrorOf(status).reason, ": ", status.error_message())};
 }
+
+namespace {
 
 std::vector<std::string> Durable(std::vector<std::string> flags,
                                  const TemporaryFolder& folder) {

@@ -56,6 +56,9 @@ class CallContext : public grpc::ClientContext {
   explicit CallContext(const std::string& key = "");
 };
 
+/// Its message begins with the reason; see ReasonOf.
+absl::Status FromGrpc(const grpc::Status& status);
+
 // Single calls.
 
 absl::StatusOr<v1::Job> CreateJob(Stub& stub,
