@@ -126,7 +126,7 @@ class JobManager {
     int max_faults = 3;
     /// How often a job is started that the server goes down with, whosever
     /// fault it is. From the fourth time on it runs alone, so that it is known.
-    int max_attempts = 10;
+    int max_attempts = 30;
     /// What a job may run, whatever it asked for.
     absl::Duration max_run_time = absl::InfiniteDuration();
     /// What a match may take to return once it was asked to stop.

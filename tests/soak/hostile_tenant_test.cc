@@ -210,7 +210,7 @@ absl::Status UploadAs(Stub& stub, const std::string& bytes,
     if (!writer->Write(message)) break;
   }
   writer->WritesDone();
-  return FromGrpc(writer->Finish());
+  return OutcomeOfCall(writer->Finish());
 }
 
 void HostileTenantTest::ReadLargeMeshes() {
@@ -251,7 +251,7 @@ void HostileTenantTest::HoldUploadRoom() {
       }
       context.TryCancel();
       const grpc::Status end = writer->Finish();
-      if (!stop_) Note("hold an upload", FromGrpc(end));
+      if (!stop_) Note("hold an upload", OutcomeOfCall(end));
     });
   }
 }

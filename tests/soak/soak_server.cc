@@ -14,7 +14,7 @@
 
 namespace isomatch {
 
-absl::Status FromGrpc(const grpc::Status& status) {
+absl::Status OutcomeOfCall(const grpc::Status& status) {
   if (status.ok()) return absl::OkStatus();
   return {static_cast<absl::StatusCode>(status.error_code()),
           absl::StrCat(ErrorOf(status).reason, ": ", status.error_message())};
@@ -92,7 +92,7 @@ absl::StatusOr<v1::Job> CreateJob(Stub& stub,
   CallContext context(key);
   v1::CreateJobResponse response;
   const grpc::Status status = stub.CreateJob(&context, request, &response);
-  if (!status.ok()) return FromGrpc(status);
+  if (!status.ok()) return OutcomeOfCall(status);
   return response.job();
 }
 
@@ -103,7 +103,7 @@ absl::StatusOr<v1::Job> GetJob(Stub& stub, const std::string& name,
   request.set_name(name);
   v1::GetJobResponse response;
   const grpc::Status status = stub.GetJob(&context, request, &response);
-  if (!status.ok()) return FromGrpc(status);
+  if (!status.ok()) return OutcomeOfCall(status);
   return response.job();
 }
 
@@ -114,7 +114,7 @@ absl::StatusOr<v1::Job> CancelJob(Stub& stub, const std::string& name,
   request.set_name(name);
   v1::CancelJobResponse response;
   const grpc::Status status = stub.CancelJob(&context, request, &response);
-  if (!status.ok()) return FromGrpc(status);
+  if (!status.ok()) return OutcomeOfCall(status);
   return response.job();
 }
 
@@ -124,7 +124,7 @@ absl::Status DeleteJob(Stub& stub, const std::string& name,
   v1::DeleteJobRequest request;
   request.set_name(name);
   v1::DeleteJobResponse response;
-  return FromGrpc(stub.DeleteJob(&context, request, &response));
+  return OutcomeOfCall(stub.DeleteJob(&context, request, &response));
 }
 
 v1::GetServerInfoResponse GetInfo(Stub& stub) {
@@ -145,7 +145,7 @@ absl::StatusOr<v1::Job> WaitForEnd(Stub& stub, const std::string& name,
   while (reader->Read(&last)) {
   }
   const grpc::Status status = reader->Finish();
-  if (!status.ok()) return FromGrpc(status);
+  if (!status.ok()) return OutcomeOfCall(status);
   return last.job();
 }
 
@@ -175,7 +175,7 @@ absl::StatusOr<std::string> Download(Stub& stub, const std::string& name,
   v1::DownloadResultResponse response;
   while (reader->Read(&response)) bytes += response.chunk();
   const grpc::Status status = reader->Finish();
-  if (!status.ok()) return FromGrpc(status);
+  if (!status.ok()) return OutcomeOfCall(status);
   return bytes;
 }
 

@@ -57,7 +57,7 @@ class CallContext : public grpc::ClientContext {
 };
 
 /// Its message begins with the reason; see ReasonOf.
-absl::Status FromGrpc(const grpc::Status& status);
+absl::Status OutcomeOfCall(const grpc::Status& status);
 
 // Single calls.
 
