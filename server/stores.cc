@@ -65,10 +65,13 @@ absl::Time LoadLastSeen(const std::string& path) {
   return absl::FromUnixSeconds(seconds);
 }
 
-/// The latest of these times, if there is any.
-std::optional<absl::Time> Latest(absl::Time saved,
-                                 const std::vector<JobRecord>& records) {
-  absl::Time latest = saved;
+/// What was saved; else, as after an upgrade, the latest time of a job, if
+/// there is any. Jobs may have times of a clock that was not believed, which is
+/// never saved.
+std::optional<absl::Time> LastSeen(absl::Time saved,
+                                   const std::vector<JobRecord>& records) {
+  if (saved != absl::InfinitePast()) return saved;
+  absl::Time latest = absl::InfinitePast();
   for (const JobRecord& record : records) {
     latest = std::max(
         {latest, record.create_time, record.start_time, record.end_time});
@@ -90,7 +93,8 @@ absl::Status OpenJobs(const std::string& folder, Stores& stores) {
         {{"job", id}});
   }
   LogLosses(path, contents);
-  stores.last_seen = Latest(LoadLastSeen(ClockPath(folder)), contents.records);
+  stores.last_seen =
+      LastSeen(LoadLastSeen(ClockPath(folder)), contents.records);
   stores.jobs = std::make_unique<MemoryJobStore>(std::move(contents.records),
                                                  journal.get(), LogJournalError,
                                                  FirstNumber());

@@ -36,7 +36,7 @@ class RetentionClock {
     std::function<void(bool is_believed, const std::string& why)> on_change;
   };
 
-  /// `last_seen`: what was saved last, or later in what was stored; not set
+  /// `last_seen`: what was saved last, else the latest time of a job; not set
   /// when there is nothing.
   RetentionClock(Parts parts, std::optional<absl::Time> last_seen);
 

@@ -81,7 +81,7 @@ class LastSeenTest : public testing::Test {
   const ServerConfig config_ = ConfigOf(folder_.Path("data"));
 };
 
-TEST_F(LastSeenTest, IsWhatWasSavedOrLaterInAJob) {
+TEST_F(LastSeenTest, IsWhatWasSavedOrElseWhatJobsTell) {
   EXPECT_EQ(LastSeen(), std::nullopt);
   const absl::Time time = absl::FromUnixSeconds(1'800'000'000);
   {
@@ -94,10 +94,9 @@ TEST_F(LastSeenTest, IsWhatWasSavedOrLaterInAJob) {
   }
   EXPECT_EQ(LastSeen(), time);  // as after an upgrade
   const RetentionClock::Parts clock = MakeClockParts(config_);
-  clock.save(time - absl::Hours(1));
-  EXPECT_EQ(LastSeen(), time);
-  clock.save(time + absl::Hours(1));
-  EXPECT_EQ(LastSeen(), time + absl::Hours(1));
+  // The job is of a time when the clock was days ahead, and not believed.
+  clock.save(time - absl::Hours(200));
+  EXPECT_EQ(LastSeen(), time - absl::Hours(200));
 }
 
 TEST_F(LastSeenTest, NothingIsSavedWithoutAFolder) {
