@@ -169,6 +169,19 @@ absl::Status Inform(const ServiceContext& context, const Caller& caller,
   return absl::OkStatus();
 }
 
+/// Calls `answer`; its response goes to `bytes`.
+template <typename Request, typename Response>
+absl::Status Serialized(absl::Status (*answer)(const ServiceContext&,
+                                               const Caller&, const Request&,
+                                               Response&),
+                        const ServiceContext& context, const Caller& caller,
+                        const Request& request, grpc::ByteBuffer* bytes) {
+  Response response;
+  ISOMATCH_RETURN_IF_ERROR(answer(context, caller, request, response));
+  *bytes = SerializeRaw(response);
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 absl::StatusOr<Caller> CorrespondenceService::Read(
@@ -190,10 +203,7 @@ grpc::ServerUnaryReactor* CorrespondenceService::Respond(
   Request request;
   const auto caller = Read(*call, needed, bounds, raw, request);
   if (!caller.ok()) return Finish(call, caller.status());
-  Response found;
-  const absl::Status answered = answer(context_, *caller, request, found);
-  if (answered.ok()) *response = SerializeRaw(found);
-  return Finish(call, answered);
+  return Finish(call, Serialized(answer, context_, *caller, request, response));
 }
 
 template <typename Request, typename Response>
@@ -207,13 +217,9 @@ grpc::ServerUnaryReactor* CorrespondenceService::RespondInTurn(
   if (!caller.ok()) return Finish(call, caller.status());
   Unary* const reactor = call->DefaultReactor();
   auto task = [this, caller = *caller, request, answer, response, reactor] {
-    const absl::Status answered = WithinMemory([&] {
-      Response found;
-      const absl::Status status = answer(context_, caller, request, found);
-      if (status.ok()) *response = SerializeRaw(found);
-      return status;
-    });
-    reactor->Finish(ToGrpc(answered));
+    reactor->Finish(ToGrpc(WithinMemory([&] {
+      return Serialized(answer, context_, caller, request, response);
+    })));
   };
   const absl::Status posted = WithinMemory([&] {
     context_.changes->Post(caller->tenant, std::move(task));
