@@ -2,12 +2,22 @@
 
 #include <utility>
 
+#include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "core/io/draco_mesh.h"
 #include "google/rpc/status.pb.h"
+#include "server/storage/sha256.h"
 #include "tests/support/shapes.h"
 
 namespace isomatch {
+
+std::string KeysOf(const std::vector<std::string>& tenants) {
+  std::string keys;
+  for (const std::string& name : tenants) {
+    absl::StrAppend(&keys, name, " ", name, " submit ", Sha256Hex(name), "\n");
+  }
+  return keys;
+}
 
 CallError ErrorOf(const grpc::Status& status) {
   CallError error{status.error_code(), "", ""};

@@ -27,6 +27,10 @@ struct CallError {
 };
 CallError ErrorOf(const grpc::Status& status);
 
+/// The file of --api-keys of tenants that may submit, whose keys are their
+/// names.
+std::string KeysOf(const std::vector<std::string>& tenants);
+
 absl::Time ToTime(const google::protobuf::Timestamp& proto);
 
 /// The mesh of a job, as Draco bytes that keep the order of the vertices.

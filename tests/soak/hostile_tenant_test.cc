@@ -82,16 +82,11 @@ constexpr std::pair<const char*, const char*> kAnswers[] = {
 class HostileTenantTest : public testing::Test {
  protected:
   HostileTenantTest() {
-    std::string keys;
-    for (const char* name : {kAlice, kBob}) {
-      absl::StrAppend(&keys, name, " ", name, " submit ", Sha256Hex(name),
-                      "\n");
-    }
-    server_ = std::make_unique<SoakServer>(
-        std::vector<std::string>{"--api-keys", folder_.Write("keys", keys),
-                                 "--memory-budget", absl::StrCat(kBudget),
-                                 // So that Alice can fill her shares of them.
-                                 "--workers", "4", "--max-queued-jobs", "8"});
+    server_ = std::make_unique<SoakServer>(std::vector<std::string>{
+        "--api-keys", folder_.Write("keys", KeysOf({kAlice, kBob})),
+        "--memory-budget", absl::StrCat(kBudget),
+        // So that Alice can fill her shares of them.
+        "--workers", "4", "--max-queued-jobs", "8"});
   }
 
   ~HostileTenantTest() override { StopAll(); }
@@ -196,27 +191,10 @@ void HostileTenantTest::FillTheQueue() {
   }
 }
 
-absl::Status UploadAs(Stub& stub, const std::string& bytes,
-                      const std::string& key) {
-  CallContext context(key);
-  v1::UploadMeshResponse response;
-  const auto writer = stub.UploadMesh(&context, &response);
-  v1::UploadMeshRequest message;
-  message.mutable_header()->set_sha256(Sha256Hex(bytes));
-  message.mutable_header()->set_size_bytes(bytes.size());
-  writer->Write(message);
-  for (std::size_t sent = 0; sent < bytes.size(); sent += 1 << 20) {
-    message.set_chunk(bytes.substr(sent, 1 << 20));
-    if (!writer->Write(message)) break;
-  }
-  writer->WritesDone();
-  return OutcomeOfCall(writer->Finish());
-}
-
 void HostileTenantTest::ReadLargeMeshes() {
   const v1::Mesh mesh = ToDraco(WavyGrid(IsSoak() ? 1000 : 200));
   large_mesh_ = mesh.draco();
-  ASSERT_TRUE(UploadAs(server_->stub(), large_mesh_, kAlice).ok());
+  ASSERT_TRUE(UploadMesh(server_->stub(), large_mesh_, kAlice).ok());
   v1::CreateJobRequest request;
   request.set_validate_only(true);
   for (v1::Mesh* const side :
@@ -259,7 +237,7 @@ void HostileTenantTest::HoldUploadRoom() {
 void HostileTenantTest::OpenKnownUploads() {
   for (int i = 0; i < 8; ++i) {
     Attack([this](Stub& stub) {
-      Note("open a known upload", UploadAs(stub, large_mesh_, kAlice));
+      Note("open a known upload", UploadMesh(stub, large_mesh_, kAlice));
     });
   }
 }
@@ -313,7 +291,7 @@ void HostileTenantTest::FillTheStore() {
   Attack([this, number = 0](Stub& stub) mutable {
     std::string bytes(4 << 20, 'u');
     bytes.replace(0, 8, absl::StrCat(absl::Dec(++number, absl::kZeroPad8)));
-    Note("fill the store", UploadAs(stub, bytes, kAlice));
+    Note("fill the store", UploadMesh(stub, bytes, kAlice));
     absl::SleepFor(absl::Milliseconds(50));
   });
 }
@@ -383,7 +361,7 @@ TEST_F(HostileTenantTest, AllAttacksAtOnceLeaveTheOtherTenantItsShare) {
     waits.Add(absl::Now() - asked);
     if (end->state() == v1::Job::STATE_SUCCEEDED) ++succeeded;
     EXPECT_TRUE(
-        UploadAs(server_->stub(), absl::StrCat("of bob ", i), kBob).ok());
+        UploadMesh(server_->stub(), absl::StrCat("of bob ", i), kBob).ok());
   }
   StopAll();
   ExpectThatAttacksTookHold();

@@ -44,23 +44,6 @@ std::string Occupy(Stub& stub) {
   return job->name();
 }
 
-void Upload(Stub& stub, const std::string& bytes) {
-  CallContext context;
-  v1::UploadMeshResponse response;
-  const auto writer = stub.UploadMesh(&context, &response);
-  v1::UploadMeshRequest message;
-  message.mutable_header()->set_sha256(Sha256Hex(bytes));
-  message.mutable_header()->set_size_bytes(bytes.size());
-  writer->Write(message);
-  for (std::size_t sent = 0; sent < bytes.size(); sent += 1 << 20) {
-    message.set_chunk(bytes.substr(sent, 1 << 20));
-    writer->Write(message);
-  }
-  writer->WritesDone();
-  const grpc::Status status = writer->Finish();
-  EXPECT_TRUE(status.ok()) << status.error_message();
-}
-
 /// Uploads one mesh of 4 MiB after the other.
 void UploadUntil(const std::atomic<bool>& stop, SoakServer& server) {
   const std::shared_ptr<grpc::Channel> channel = server.Connect();
@@ -68,7 +51,7 @@ void UploadUntil(const std::atomic<bool>& stop, SoakServer& server) {
   for (int i = 0; !stop; ++i) {
     std::string bytes(4 << 20, 'u');
     bytes.replace(0, 8, absl::StrCat(absl::Dec(i, absl::kZeroPad8)));
-    Upload(*stub, bytes);
+    EXPECT_EQ(UploadMesh(*stub, bytes), absl::OkStatus());
     absl::SleepFor(absl::Milliseconds(100));
   }
 }
@@ -249,7 +232,7 @@ v1::Mesh UploadedAnimal(Stub& stub, char pose, int vertices) {
   const auto sample = MakeSample({.pose = pose, .vertices = vertices});
   EXPECT_TRUE(sample.ok()) << sample.status();
   v1::Mesh mesh = ToDraco(sample->mesh);
-  Upload(stub, mesh.draco());
+  EXPECT_EQ(UploadMesh(stub, mesh.draco()), absl::OkStatus());
   v1::Digest digest;
   digest.set_sha256(Sha256Hex(mesh.draco()));
   digest.set_size_bytes(mesh.draco().size());

@@ -10,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "grpc/health/v1/health.grpc.pb.h"
+#include "server/storage/sha256.h"
 #include "tests/server/test_server.h"
 
 namespace isomatch {
@@ -125,6 +126,23 @@ absl::Status DeleteJob(Stub& stub, const std::string& name,
   request.set_name(name);
   v1::DeleteJobResponse response;
   return OutcomeOfCall(stub.DeleteJob(&context, request, &response));
+}
+
+absl::Status UploadMesh(Stub& stub, const std::string& bytes,
+                        const std::string& key) {
+  CallContext context(key);
+  v1::UploadMeshResponse response;
+  const auto writer = stub.UploadMesh(&context, &response);
+  v1::UploadMeshRequest message;
+  message.mutable_header()->set_sha256(Sha256Hex(bytes));
+  message.mutable_header()->set_size_bytes(bytes.size());
+  writer->Write(message);
+  for (std::size_t sent = 0; sent < bytes.size(); sent += 1 << 20) {
+    message.set_chunk(bytes.substr(sent, 1 << 20));
+    if (!writer->Write(message)) break;
+  }
+  writer->WritesDone();
+  return OutcomeOfCall(writer->Finish());
 }
 
 v1::GetServerInfoResponse GetInfo(Stub& stub) {

@@ -70,6 +70,9 @@ absl::StatusOr<v1::Job> CancelJob(Stub& stub, const std::string& name,
                                   const std::string& key = "");
 absl::Status DeleteJob(Stub& stub, const std::string& name,
                        const std::string& key = "");
+/// In chunks of 1 MiB.
+absl::Status UploadMesh(Stub& stub, const std::string& bytes,
+                        const std::string& key = "");
 v1::GetServerInfoResponse GetInfo(Stub& stub);
 /// Watches until the job is terminal and returns it.
 absl::StatusOr<v1::Job> WaitForEnd(Stub& stub, const std::string& name,

@@ -90,13 +90,8 @@ class DownloadsOfTenantsTest : public TestServer {
       std::unique_ptr<grpc::ClientReader<v1::DownloadResultResponse>>;
 
   DownloadsOfTenantsTest() {
-    std::string keys;
-    for (const char* name : {"alice", "bob"}) {
-      absl::StrAppend(&keys, name, " ", name, " submit ", Sha256Hex(name),
-                      "\n");
-    }
     ServerConfig config = TestConfig();
-    config.api_keys = folder_.Write("keys", keys);
+    config.api_keys = folder_.Write("keys", KeysOf({"alice", "bob"}));
     config.memory_budget_bytes = 208 << 20;  // 1.6 MiB for what each is sent
     Restart(config);
     grpc::ChannelArguments small_window;

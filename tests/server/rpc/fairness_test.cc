@@ -37,12 +37,7 @@ class FairnessTest : public TestServer {
   }
 
   void Start(ServerConfig config) {
-    std::string keys;
-    for (const char* name : {"alice", "bob"}) {
-      absl::StrAppend(&keys, name, " ", name, " submit ", Sha256Hex(name),
-                      "\n");
-    }
-    config.api_keys = folder_.Write("keys", keys);
+    config.api_keys = folder_.Write("keys", KeysOf({"alice", "bob"}));
     MatchEngine engine = GatedEngine();
     engine.estimate = [this](auto, auto, auto, const MatchOptions& options) {
       if (options.random_seed == kSlow) is_reading_ = true;

@@ -31,13 +31,8 @@ class StalledDiskTest : public TestServer {
   static constexpr int kCalls = 48;
 
   StalledDiskTest() {
-    std::string keys;
-    for (const char* name : {"alice", "bob"}) {
-      absl::StrAppend(&keys, name, " ", name, " submit ", Sha256Hex(name),
-                      "\n");
-    }
     ServerConfig config = TestConfig();
-    config.api_keys = folder_.Write("keys", keys);
+    config.api_keys = folder_.Write("keys", KeysOf({"alice", "bob"}));
     config.data_dir = folder_.Path("data");
     config.max_uploads_per_tenant = 2 * kCalls;
     config.max_queued_jobs = 4 * kCalls;
