@@ -3,11 +3,13 @@
 #include <functional>
 #include <utility>
 
+#include "absl/strings/str_cat.h"
 #include "core/base/parallel.h"
 #include "core/base/status_macros.h"
 #include "core/matching/matching.h"
 #include "core/pipeline/candidates.h"
 #include "core/pipeline/stage_plan.h"
+#include "core/spectral/factor_size.h"
 #include "core/spectral/mean_curvature.h"
 
 namespace isomatch {
@@ -18,6 +20,7 @@ absl::Status PrepareSpectral(const MatchOptions& options,
                              PreparedMesh* prepared) {
   const WorkingMesh& solved = prepared->solved();
   prepared->laplacian = BuildCotanLaplacian(solved.mesh);
+  ISOMATCH_RETURN_IF_ERROR(CheckFactor(prepared->laplacian.stiffness));
   const int count = SpectralCount(options);
   if (count > 0) {
     ISOMATCH_ASSIGN_OR_RETURN(
@@ -34,6 +37,13 @@ absl::Status PrepareSpectral(const MatchOptions& options,
   return absl::OkStatus();
 }
 
+/// `status`, which begins with the field that it is about if it is INVALID.
+absl::Status About(const char* field, absl::Status status) {
+  if (!absl::IsInvalidArgument(status)) return status;
+  return absl::InvalidArgumentError(
+      absl::StrCat(field, ": ", status.message()));
+}
+
 }  // namespace
 
 absl::Status PrepareMeshes(std::array<std::optional<CleanMesh>, 2> meshes,
@@ -41,6 +51,7 @@ absl::Status PrepareMeshes(std::array<std::optional<CleanMesh>, 2> meshes,
                            ProgressReporter* progress,
                            const std::stop_token& stop,
                            std::array<PreparedMesh, 2>* prepared) {
+  const bool is_pair = meshes[kX] && meshes[kY];
   const auto both = [&](const std::function<absl::Status(Side)>& prepare) {
     const auto one = [&](Side side) {
       return meshes[side] ? prepare(side) : absl::OkStatus();
@@ -66,7 +77,10 @@ absl::Status PrepareMeshes(std::array<std::optional<CleanMesh>, 2> meshes,
   }));
   if (SpectralCount(options) > 0) progress->Begin(Stage::kSpectral);
   ISOMATCH_RETURN_IF_ERROR(both([&](Side side) {
-    return PrepareSpectral(options, stop, &(*prepared)[side]);
+    return About(!is_pair     ? "mesh"
+                 : side == kX ? "mesh_x"
+                              : "mesh_y",
+                 PrepareSpectral(options, stop, &(*prepared)[side]));
   }));
   return both(
       [&](Side side) { return Describe(options, stop, &(*prepared)[side]); });

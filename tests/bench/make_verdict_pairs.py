@@ -88,7 +88,7 @@ class Maker:
                  folder / f"{y}.off", None)
 
     def any_faces(self, i):
-        n = 2000
+        n = 1200  # more are refused
         vertices = [tuple(self.dice.gauss(0, 1) for _ in range(3)) for _ in range(n)]
         faces = [tuple(self.dice.sample(range(n), 3)) for _ in range(2 * n)]
         self.add(f"any{i}", (vertices, faces), self.dice.choice(self.shapes), None)

@@ -328,6 +328,17 @@ TEST(MatcherTest, RefusesBadMeshesAndOptions) {
               StatusIs(kInvalid, HasSubstr("options.kernel_width")));
 }
 
+TEST(MatcherTest, RefusesFacesBetweenAnyVertices) {
+  const TriangleMesh any = AnyFaces(4000);
+  const TriangleMesh sphere = UnitSphere(4);
+  const auto refused = [](const std::string& field) {
+    return StatusIs(kInvalid, HasSubstr(field + ": connected as no surface"));
+  };
+  EXPECT_THAT(Match(any, sphere, {}, {}), refused("mesh_x"));
+  EXPECT_THAT(Match(sphere, any, {}, {}), refused("mesh_y"));
+  EXPECT_THAT(Prepare(any, {}), refused("mesh"));
+}
+
 TEST(MatcherTest, ProgressRisesThroughTheStagesToOne) {
   for (const Profile profile : kProfiles) {
     std::vector<Progress> seen;
