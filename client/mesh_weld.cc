@@ -296,6 +296,12 @@ std::optional<WeldAdvice> AdviseWeld(const TriangleMesh& mesh) {
       is_on_face[static_cast<std::size_t>(mesh.faces(f, i))] = true;
     }
   }
+  // At most: some may join where their vertices coincide.
+  std::int64_t components = 0;
+  for (VertexIndex v = 0; v < vertices; ++v) {
+    components += is_on_face[static_cast<std::size_t>(v)] && sets.Find(v) == v;
+  }
+  if (components < kManyComponents) return std::nullopt;
   const double side = kCloseInEdges * MeanEdgeLength(mesh);
   if (!(side > 0) || !std::isfinite(side)) return std::nullopt;
   VertexGrid grid(mesh.positions, side);

@@ -40,7 +40,7 @@ absl::Status CheckFaces(const TriangleMesh& mesh, const std::string& field) {
 }
 
 /// Faces that medians are taken over, at even steps.
-constexpr VertexIndex kSampledFaces = 1 << 15;
+constexpr VertexIndex kSampledFaces = 1 << 12;
 
 /// Single precision, in which descriptors and distances are kept, holds seven
 /// digits: from further away an edge is a point.
