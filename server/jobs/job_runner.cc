@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <new>
+#include <string>
 #include <utility>
 #include <vector>
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "server/jobs/errors.h"
@@ -137,6 +139,18 @@ JobResult Summarize(const JobSpec& spec, Correspondence found) {
   return result;
 }
 
+/// Why a match failed, as calls say it.
+absl::Status WithReason(const absl::Status& status) {
+  if (absl::IsResourceExhausted(status)) return OutOfMemory(status.message());
+  if (!absl::IsInvalidArgument(status)) return status;
+  const std::string problem(status.message());
+  for (const char* field : {"mesh_x", "mesh_y"}) {
+    if (absl::StartsWith(problem, field)) return MeshMalformed(field, problem);
+  }
+  if (!absl::StartsWith(problem, "landmarks")) return status;
+  return InvalidField(LeadingFieldPath(problem, "landmarks"), problem);
+}
+
 }  // namespace
 
 std::int64_t JobRunner::HeldBytes(const JobSpec& spec, bool with_cache) const {
@@ -196,10 +210,7 @@ absl::StatusOr<RunOutcome> JobRunner::Run(const LoadSpec& load,
         uses_cache() ? MatchWithCache(engine_, spec, *cache_, report, stop)
                      : engine_.match(spec.mesh_x, spec.mesh_y, spec.landmarks,
                                      spec.options, report, stop);
-    if (absl::IsResourceExhausted(found.status())) {
-      return OutOfMemory(found.status().message());
-    }
-    if (!found.ok()) return found.status();
+    if (!found.ok()) return WithReason(found.status());
     RunOutcome outcome;
     outcome.parts = EncodeParts(*found);
     outcome.result = Summarize(spec, *std::move(found));

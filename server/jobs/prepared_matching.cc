@@ -1,8 +1,11 @@
 #include "server/jobs/prepared_matching.h"
 
 #include <optional>
+#include <string>
 #include <utility>
 
+#include "absl/strings/str_cat.h"
+#include "absl/strings/strip.h"
 #include "core/base/status_macros.h"
 
 namespace isomatch {
@@ -19,6 +22,13 @@ void KeepIfNamed(PreparedCache& cache, const std::optional<BlobKey>& key,
   if (key) cache.Keep(*key, shape);
 }
 
+/// What Prepare says of its only mesh, said of `field` of the pair.
+absl::Status About(const std::string& field, const absl::Status& status) {
+  absl::string_view problem = status.message();
+  if (!absl::ConsumePrefix(&problem, "mesh: ")) return status;
+  return {status.code(), absl::StrCat(field, ": ", problem)};
+}
+
 /// Prepares the shapes that are not there.
 absl::Status Complete(const MatchEngine& engine, const JobSpec& spec,
                       const ProgressCallback& progress,
@@ -33,10 +43,10 @@ absl::Status Complete(const MatchEngine& engine, const JobSpec& spec,
     y = std::move(pair.y);
     return absl::OkStatus();
   }
-  std::optional<PreparedShape>& missing = x ? y : x;
-  const TriangleMesh& mesh = x ? spec.mesh_y : spec.mesh_x;
-  ISOMATCH_ASSIGN_OR_RETURN(missing,
-                            engine.prepare(mesh, spec.options, progress, stop));
+  absl::StatusOr<PreparedShape> missing = engine.prepare(
+      x ? spec.mesh_y : spec.mesh_x, spec.options, progress, stop);
+  if (!missing.ok()) return About(x ? "mesh_y" : "mesh_x", missing.status());
+  (x ? y : x) = *std::move(missing);
   return absl::OkStatus();
 }
 

@@ -8,6 +8,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "absl/strings/str_cat.h"
 #include "server/jobs/errors.h"
 #include "tests/support/matchers.h"
 
@@ -113,6 +114,22 @@ TEST_F(JobRunnerTest, AFailedAllocationIsAnErrorOfTheJob) {
   });
   EXPECT_THAT(outcome, StatusIs(absl::StatusCode::kResourceExhausted, _));
   EXPECT_EQ(DetailsOf(outcome.status()).reason, "OUT_OF_MEMORY");
+}
+
+TEST_F(JobRunnerTest, ARefusalNamesItsReasonAndField) {
+  const auto refused = [this](const char* problem) {
+    const auto outcome =
+        Run([&](auto&&...) { return absl::InvalidArgumentError(problem); });
+    EXPECT_TRUE(absl::IsInvalidArgument(outcome.status()));
+    EXPECT_EQ(outcome.status().message(), problem);
+    const ErrorDetails details = DetailsOf(outcome.status());
+    return absl::StrCat(details.reason, " of ", details.field);
+  };
+  EXPECT_EQ(refused("mesh_x: no surface"), "MESH_MALFORMED of mesh_x");
+  EXPECT_EQ(refused("mesh_y: no surface"), "MESH_MALFORMED of mesh_y");
+  EXPECT_EQ(refused("landmarks[2].x: on no face"),
+            "INVALID_FIELD of landmarks[2].x");
+  EXPECT_EQ(refused("something else"), "INVALID_ARGUMENT of ");
 }
 
 TEST_F(JobRunnerTest, TheMethodIsHeldToTheEstimate) {

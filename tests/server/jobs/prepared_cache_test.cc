@@ -152,6 +152,15 @@ TEST_F(MatchWithCacheTest, MeshesWithoutANameAreNotKept) {
   EXPECT_EQ(cache_.counts().missing, 1);
 }
 
+TEST_F(MatchWithCacheTest, AnErrorOfTheMeshThatWasNotThereNamesIt) {
+  Match();
+  spec_.prepared_y = Key("flat");
+  spec_.mesh_y.positions.setZero();
+  EXPECT_THAT(MatchWithCache(engine_, spec_, cache_, [](const auto&) {}, {}),
+              StatusIs(absl::StatusCode::kInvalidArgument,
+                       testing::StartsWith("mesh_y: surface area")));
+}
+
 TEST_F(MatchWithCacheTest, ErrorsOfPreparationEndTheMatch) {
   spec_.mesh_y.positions.setZero();
   EXPECT_THAT(MatchWithCache(engine_, spec_, cache_, [](const auto&) {}, {}),
