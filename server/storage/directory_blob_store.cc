@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <filesystem>
+#include <iterator>
 #include <list>
 #include <new>
 #include <optional>
@@ -138,7 +139,8 @@ absl::Status DirectoryBlobStore::TakeRoom(const BlobKey& key,
   {
     MutexLock lock(mutex_);
     BeginUse(key);
-    auto unused = absl::MakeCleanup([&] { EndUse(key); });
+    auto unused = absl::MakeCleanup(
+        [&]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { EndUse(key); });
     ISOMATCH_ASSIGN_OR_RETURN(evicted,
                               index_.MakeRoom(arriving_bytes_ + bytes));
     arriving_bytes_ += bytes;
@@ -162,15 +164,15 @@ bool DirectoryBlobStore::MakeTenantRoom(const BlobKey& key, std::int64_t bytes,
 }
 
 void DirectoryBlobStore::BeginUnlink(std::list<BlobIndex::Entry>& evicted) {
-  std::erase_if(evicted, [this](const BlobIndex::Entry& entry) {
-    if (in_use_.count(entry.key) != 0) return true;
+  for (auto entry = evicted.begin(); entry != evicted.end();) {
+    bool stays = in_use_.count(entry->key) != 0;
     try {
-      leaving_.insert(entry.key);
-      return false;
+      if (!stays) leaving_.insert(entry->key);
     } catch (const std::bad_alloc&) {
-      return true;  // it stays, and is found when it is asked for
+      stays = true;  // and is found when it is asked for
     }
-  });
+    entry = stays ? evicted.erase(entry) : std::next(entry);
+  }
 }
 
 void DirectoryBlobStore::Unlink(const std::list<BlobIndex::Entry>& leaving) {
