@@ -13,6 +13,7 @@
 #include "client/isomatch_client.h"
 #include "client/job_flags.h"
 #include "client/job_text.h"
+#include "client/match_outputs.h"
 #include "client/option_support.h"
 #include "client/progress_display.h"
 #include "client/remote_server.h"

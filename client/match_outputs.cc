@@ -16,6 +16,7 @@
 #include "client/option_support.h"
 #include "client/part_files.h"
 #include "client/text_file.h"
+#include "client/verdict_text.h"
 #include "core/base/status_macros.h"
 
 namespace isomatch {
