@@ -6,7 +6,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
-#include <vector>
 
 #include "absl/status/statusor.h"
 #include "absl/strings/ascii.h"
@@ -14,130 +13,12 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "client/ply_file.h"
-#include "client/text_file.h"
+#include "client/word_cursor.h"
 
 namespace isomatch {
 namespace {
 
-using Words = std::vector<absl::string_view>;
-
 constexpr std::array<const char*, 3> kAxes = {"x", "y", "z"};
-
-std::string Shortened(absl::string_view word) {
-  constexpr std::size_t kMostShown = 40;
-  return absl::StrCat("'", word.substr(0, kMostShown), "'");
-}
-
-// The words of a text, and the lines that they stand in.
-class WordCursor {
- public:
-  explicit WordCursor(absl::string_view text) : rest_(text) {}
-
-  // "" at the end.
-  absl::string_view Take() {
-    while (next_ == words_.size()) {
-      if (rest_.empty()) return "";
-      TakeLine();
-    }
-    return words_[next_++];
-  }
-
-  void DropLine() { next_ = words_.size(); }
-
-  // Of the last word taken, 1-based.
-  std::string Place() const { return absl::StrCat("line ", line_); }
-
- private:
-  void TakeLine() {
-    const std::size_t end = rest_.find('\n');
-    const absl::string_view row = rest_.substr(0, end);
-    rest_.remove_prefix(end == absl::string_view::npos ? rest_.size()
-                                                       : end + 1);
-    words_ = SplitWords(row.substr(0, row.find('#')));
-    next_ = 0;
-    ++line_;
-  }
-
-  absl::string_view rest_;
-  Words words_;
-  std::size_t next_ = 0;
-  int line_ = 0;
-};
-
-bool IsFinite(absl::string_view word) {
-  double number = 0;
-  return absl::SimpleAtod(word, &number) && std::isfinite(number);
-}
-
-// Reads what follows the header of an OFF file.
-class OffChecker {
- public:
-  OffChecker(WordCursor* cursor, std::int64_t vertices, std::int64_t faces)
-      : cursor_(cursor), vertices_(vertices), faces_(faces) {}
-
-  std::optional<MeshFault> Check() {
-    for (std::int64_t v = 0; v < vertices_; ++v) {
-      if (auto fault = CheckVertex(v)) return fault;
-    }
-    for (std::int64_t f = 0; f < faces_; ++f) {
-      if (auto fault = CheckFace(f)) return fault;
-    }
-    return std::nullopt;
-  }
-
- private:
-  std::optional<MeshFault> CheckVertex(std::int64_t v) {
-    for (const char* axis : kAxes) {
-      const absl::string_view word = cursor_->Take();
-      if (word.empty()) return Ends("vertex", v);
-      if (IsFinite(word)) continue;
-      return MeshFault{
-          cursor_->Place(),
-          absl::StrCat(axis, " of vertex ", v, " (0-based) is ",
-                       Shortened(word), ", expected a finite number")};
-    }
-    cursor_->DropLine();  // normals, colours
-    return std::nullopt;
-  }
-
-  std::optional<MeshFault> CheckFace(std::int64_t f) {
-    const absl::string_view size = cursor_->Take();
-    if (size.empty()) return Ends("face", f);
-    std::int64_t corners = 0;
-    if (!absl::SimpleAtoi(size, &corners) || corners < 3) {
-      return MeshFault{
-          cursor_->Place(),
-          absl::StrCat("face ", f, " (0-based) has ", Shortened(size),
-                       " corners, expected 3 or more")};
-    }
-    for (; corners > 0; --corners) {
-      const absl::string_view word = cursor_->Take();
-      if (word.empty()) return Ends("face", f);
-      std::int64_t vertex = 0;
-      if (absl::SimpleAtoi(word, &vertex) && 0 <= vertex &&
-          vertex < vertices_) {
-        continue;
-      }
-      return MeshFault{
-          cursor_->Place(),
-          absl::StrCat("face ", f, " (0-based) names vertex ", Shortened(word),
-                       ", expected 0 to ", vertices_ - 1)};
-    }
-    cursor_->DropLine();  // colours
-    return std::nullopt;
-  }
-
-  MeshFault Ends(const char* kind, std::int64_t item) const {
-    return {cursor_->Place(),
-            absl::StrCat("the file ends in ", kind, " ", item,
-                         " (0-based), expected ", vertices_, " vertices and ",
-                         faces_, " faces as its header says")};
-  }
-
-  WordCursor* const cursor_;
-  const std::int64_t vertices_;
-  const std::int64_t faces_;
-};
 
 // Reads what follows the header of a PLY file.
 class PlyChecker {
@@ -330,12 +211,12 @@ std::optional<MeshFault> FindTextStlFault(absl::string_view text) {
     ++corners;
     for (const char* axis : kAxes) {
       const absl::string_view number = cursor.Take();
-      if (IsFinite(number)) continue;
-      return MeshFault{
-          cursor.Place(),
-          absl::StrCat(axis, " of a corner of triangle ", triangles,
-                       " (0-based) is ", Shortened(number),
-                       ", expected a finite number")};
+      double finite = 0;
+      if (ReadFinite(number, &finite)) continue;
+      return MeshFault{cursor.Place(),
+                       absl::StrCat(axis, " of a corner of triangle ",
+                                    triangles, " (0-based) is ", Quoted(number),
+                                    ", expected a finite number")};
     }
   }
   if (has_ended) return std::nullopt;
@@ -345,19 +226,6 @@ std::optional<MeshFault> FindTextStlFault(absl::string_view text) {
 }
 
 }  // namespace
-
-std::optional<MeshFault> FindOffFault(absl::string_view text) {
-  WordCursor cursor(text);
-  cursor.Take();  // OFF
-  std::int64_t vertices = 0;
-  std::int64_t faces = 0;
-  if (!absl::SimpleAtoi(cursor.Take(), &vertices) ||
-      !absl::SimpleAtoi(cursor.Take(), &faces)) {
-    return std::nullopt;
-  }
-  cursor.DropLine();  // the number of edges
-  return OffChecker(&cursor, vertices, faces).Check();
-}
 
 std::optional<MeshFault> FindPlyFault(absl::string_view bytes) {
   if (!absl::StartsWith(bytes, "ply")) {

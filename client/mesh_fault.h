@@ -16,11 +16,6 @@ struct MeshFault {
   std::string what;
 };
 
-/// Returns the first fault of the text of an OFF file: a number that is none or
-/// not finite, an index out of range, an end too early. Nothing where the
-/// counts in its header are not numbers, which CheckOffClaims tells.
-std::optional<MeshFault> FindOffFault(absl::string_view text);
-
 /// Returns the first fault of a PLY file, which is one also where the counts of
 /// its header, or the lengths of its lists, are more than `bytes` can hold: to
 /// be asked before any reader allocates for them.

@@ -8,9 +8,9 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/string_view.h"
-#include "client/mesh_claims.h"
 #include "client/mesh_fault.h"
 #include "client/obj_reader.h"
+#include "client/off_reader.h"
 #include "client/ply_file.h"
 #include "client/polygon_soup.h"
 #include "client/text_file.h"
@@ -23,7 +23,7 @@ namespace {
 
 constexpr char kExpected[] = "a mesh in an .off, .obj, .ply or .stl file";
 
-// What CGAL expects of each format, for the message when it refuses a file.
+// What each format has, for the message when a file is refused.
 const char* Grammar(const std::string& extension) {
   if (extension == ".off") {
     return "OFF, the counts, one vertex `x y z` a line, then one face `3 a b "
@@ -60,19 +60,25 @@ absl::Status FaultError(const std::string& subject, const MeshFault& fault) {
       subject, fault.place.empty() ? "" : ", ", fault.place, ": ", fault.what));
 }
 
-// Compares what the file claims with the bytes it has. PLY and STL files are
-// read to their end, which costs little beside their reader's work.
-absl::Status CheckClaims(const std::string& subject,
-                         const std::string& extension,
-                         absl::string_view bytes) {
+// Reads points and polygons, each number checked.
+absl::Status ReadSoup(const std::string& path, const std::string& subject,
+                      const std::string& extension, absl::string_view bytes,
+                      PolygonSoup* soup, std::vector<std::string>* warnings) {
+  std::optional<MeshFault> fault;
   if (extension == ".off") {
-    const absl::Status status = CheckOffClaims(bytes);
-    return status.ok() ? status : WithSubject(subject, status);
+    fault = ReadOffSoup(bytes, soup);
+  } else if (extension == ".obj") {
+    fault = ReadObjSoup(bytes, soup, warnings);
+  } else {
+    // To their end, before CGAL believes what they claim, which costs little
+    // beside its work; and it takes a coordinate that is no number.
+    fault = extension == ".ply" ? FindPlyFault(bytes) : FindStlFault(bytes);
+    if (!fault && !ReadPolygonSoup(path, soup)) {
+      fault = {"", absl::StrCat("not a mesh that can be read to its end, "
+                                "expected finite numbers and ",
+                                Grammar(extension))};
+    }
   }
-  if (extension == ".obj") return absl::OkStatus();
-  // CGAL takes an STL file with a coordinate that is no number.
-  const std::optional<MeshFault> fault =
-      extension == ".ply" ? FindPlyFault(bytes) : FindStlFault(bytes);
   return fault ? FaultError(subject, *fault) : absl::OkStatus();
 }
 
@@ -161,20 +167,6 @@ std::vector<std::string> Warnings(const PolygonSoup& soup,
   return warnings;
 }
 
-// Why CGAL refused the file, which says nothing itself.
-absl::Status Refusal(const std::string& subject, const std::string& extension,
-                     absl::string_view bytes) {
-  if (extension == ".off") {
-    const std::optional<MeshFault> fault = FindOffFault(bytes);
-    if (fault) return FaultError(subject, *fault);
-  }
-  return absl::InvalidArgumentError(
-      absl::StrCat(subject,
-                   ": not a mesh that can be read to its end, "
-                   "expected finite numbers and ",
-                   Grammar(extension)));
-}
-
 // Makes the mesh of what was read.
 absl::Status UseSoup(const PolygonSoup& soup, const std::string& subject,
                      const std::string& extension, LoadedMesh* loaded) {
@@ -222,16 +214,10 @@ absl::StatusOr<LoadedMesh> ReadMesh(const std::string& path,
   ISOMATCH_RETURN_IF_ERROR(CheckExtension(subject, extension));
   absl::StatusOr<std::string> bytes = ReadFile(path, kExpected);
   if (!bytes.ok()) return WithSubject(field, bytes.status());
-  ISOMATCH_RETURN_IF_ERROR(CheckClaims(subject, extension, *bytes));
   LoadedMesh loaded;
   PolygonSoup soup;
-  if (extension == ".obj") {
-    const std::optional<MeshFault> fault =
-        ReadObjSoup(*bytes, &soup, &loaded.warnings);
-    if (fault) return FaultError(subject, *fault);
-  } else if (!ReadPolygonSoup(path, &soup)) {
-    return Refusal(subject, extension, *bytes);
-  }
+  ISOMATCH_RETURN_IF_ERROR(
+      ReadSoup(path, subject, extension, *bytes, &soup, &loaded.warnings));
   ISOMATCH_RETURN_IF_ERROR(UseSoup(soup, subject, extension, &loaded));
   loaded.file_faces = loaded.mesh.faces;
   return loaded;

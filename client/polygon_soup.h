@@ -13,7 +13,7 @@ struct PolygonSoup {
   std::vector<std::vector<std::size_t>> polygons;
 };
 
-/// Reads an OFF, PLY or STL file, known by its extension, through CGAL.
+/// Reads a PLY or STL file, known by its extension, through CGAL.
 /// Points keep the file's count and order, but for STL: it has no vertices of
 /// its own, and corners at one place become one. False when CGAL refuses the
 /// file, or memory does not suffice for what it claims.

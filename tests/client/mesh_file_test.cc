@@ -196,6 +196,53 @@ TEST_F(MeshFileTest, AFaultOfATextHasItsOwnSentenceAndLine) {
               Refused("line 15: x of vertex 5 (0-based) is nan"));
 }
 
+// Each a triangle, with what OFF allows beside it.
+TEST_F(MeshFileTest, OffFilesOfEveryKindAreRead) {
+  for (const std::string& bytes : std::vector<std::string>{
+           "OFF 3 1 0\n0 0 0\n2 0 0\n0 3 0\n3 0 1 2\n",
+           "OFF\n3 1\n0 0 0\n2 0 0\n0 3 0\n3 0 1 2",
+           "OFF\n3\n1\n3\n0 0 0\n2 0 0\n0 3 0\n3 0 1 2\n",
+           "\xEF\xBB\xBFOFF\r\n3 1 0\r\n0 0 0\r\n2 0 0\r\n0 3 0\r\n3 0 1 2\r\n",
+           "OFF\n3 1 0\n0\n0 0\n2 0\n0\n\n0 3 0 # last\n3 0\n1 2 255 0 0\n",
+           "OFF\n3 1 0\n0 0 0\n2e0 0 0\n0 3. 0\n3.0 0.0 1e0 2.0\n",
+           "COFF\n3 1 0\n0 0 0 1 0 0 1\n2 0 0 0 0 0 1\n0 3 0 1 1 1 1\n"
+           "3 0 1 2 0.5\n",
+           "COFF\n3 1 0\n0 0 0 255\n2 0 0 0 255\n0 3 0\n3 0 1 2 1 1\n",
+           "STCNOFF\n3 1 0\n0 0 0 0 0 1 9 9 9 0 0\n2 0 0 0 0 1 9 9 9 1 0\n"
+           "0 3 0 0 0 1 9 9 9 0 1\n3 0 1 2\n",
+           "4OFF\n3 1 0\n0 0 0 1\n4 0 0 2\n0 1.5 0 .5\n3 0 1 2\n"}) {
+    SCOPED_TRACE(bytes);
+    const absl::StatusOr<LoadedMesh> loaded = Read("a.off", bytes);
+    ASSERT_THAT(loaded, IsOk());
+    Positions positions(3, 3);
+    positions << 0, 0, 0, 2, 0, 0, 0, 3, 0;
+    EXPECT_EQ(loaded->mesh.positions, positions);
+    EXPECT_EQ(loaded->mesh.faces, Faces::NullaryExpr(1, 3, [](auto, auto i) {
+                return static_cast<VertexIndex>(i);
+              }));
+  }
+}
+
+TEST_F(MeshFileTest, OffFilesThatAreNoneAreRefused) {
+  const std::string points = "0 0 0\n2 0 0\n0 3 0\n";
+  const std::string face = "3 0 1 2\n";
+  EXPECT_THAT(Error("a.off", "OFF BINARY\n3 1 0\n" + points + face),
+              Refused("line 1: the header's number of vertices is 'BINARY'"));
+  EXPECT_THAT(Error("a.off", "nOFF\n3 3 1 0\n" + points + face),
+              Refused("not nOFF"));
+  EXPECT_THAT(Error("a.off", "OFF\n3 1.5 0\n" + points + face),
+              Refused("line 2: the header's number of faces is '1.5'"));
+  EXPECT_THAT(Error("a.off", "OFF\n"), Refused("number of vertices is ''"));
+  EXPECT_THAT(Error("a.off", "OFF\n3 1 0\n" + points + "2 0 1\n"),
+              Refused("line 6: face 0 (0-based) has '2' corners"));
+  EXPECT_THAT(Error("a.off", "OFF\n3 1 0\n" + points + "3 0 1 1.5\n"),
+              Refused("line 6: face 0 (0-based) names vertex '1.5'"));
+  EXPECT_THAT(Error("a.off", "OFF\n3 1 0\n" + points + "3 0 1 -1\n"),
+              Refused("names vertex '-1', expected 0 to 2"));
+  EXPECT_THAT(Error("a.off", "4OFF\n3 1 0\n0 0 0 1\n1 0 0 0\n0 1 0 1\n" + face),
+              Refused("line 4: w of vertex 1 (0-based) is 0"));
+}
+
 TEST_F(MeshFileTest, AFaultOfAnStlFileIsNamed) {
   const std::string text =
       "solid s\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\n"

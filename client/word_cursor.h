@@ -1,0 +1,47 @@
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include "absl/strings/string_view.h"
+
+namespace isomatch {
+
+/// The words of a text, and the lines that they stand in. What follows a # on a
+/// line is a comment.
+class WordCursor {
+ public:
+  /// `text` outlives this and its words.
+  explicit WordCursor(absl::string_view text) : rest_(text) {}
+
+  /// The next word; "" at the end.
+  absl::string_view Take();
+
+  /// How many words are left on the line of the last word taken, or, when that
+  /// is over, on the next line that has any.
+  std::size_t LeftOnLine() const { return words_.size() - next_; }
+  std::size_t LeftAhead();
+
+  /// Leaves out what is left on the line of the last word taken.
+  void DropLine() { next_ = words_.size(); }
+
+  /// Of the last word taken, "line 3", counted from 1.
+  std::string Place() const;
+
+ private:
+  void TakeLine();
+
+  absl::string_view rest_;
+  std::vector<absl::string_view> words_;
+  std::size_t next_ = 0;
+  int line_ = 0;
+};
+
+/// The word in quotes, cut short where it is long.
+std::string Quoted(absl::string_view word);
+
+/// Whether a word is a finite number, which it then is.
+bool ReadFinite(absl::string_view word, double* number);
+
+}  // namespace isomatch
