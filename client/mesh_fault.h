@@ -1,11 +1,12 @@
 #pragma once
 
-#include <optional>
+#include <array>
 #include <string>
 
-#include "absl/strings/string_view.h"
-
 namespace isomatch {
+
+/// Of the coordinates, for what a fault says.
+inline constexpr std::array<const char*, 3> kAxisNames = {"x", "y", "z"};
 
 /// What is wrong first in a mesh file.
 struct MeshFault {
@@ -15,13 +16,5 @@ struct MeshFault {
   /// What was found and what was expected.
   std::string what;
 };
-
-/// Returns the first fault of a PLY file, which is one also where the counts of
-/// its header, or the lengths of its lists, are more than `bytes` can hold: to
-/// be asked before any reader allocates for them.
-std::optional<MeshFault> FindPlyFault(absl::string_view bytes);
-
-/// Returns the first fault of a text or binary STL file.
-std::optional<MeshFault> FindStlFault(absl::string_view bytes);
 
 }  // namespace isomatch

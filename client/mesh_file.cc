@@ -12,7 +12,9 @@
 #include "client/obj_reader.h"
 #include "client/off_reader.h"
 #include "client/ply_file.h"
+#include "client/ply_reader.h"
 #include "client/polygon_soup.h"
+#include "client/stl_reader.h"
 #include "client/text_file.h"
 #include "client/triangulation.h"
 #include "core/base/status_macros.h"
@@ -61,23 +63,18 @@ absl::Status FaultError(const std::string& subject, const MeshFault& fault) {
 }
 
 // Reads points and polygons, each number checked.
-absl::Status ReadSoup(const std::string& path, const std::string& subject,
-                      const std::string& extension, absl::string_view bytes,
-                      PolygonSoup* soup, std::vector<std::string>* warnings) {
+absl::Status ReadSoup(const std::string& subject, const std::string& extension,
+                      absl::string_view bytes, PolygonSoup* soup,
+                      std::vector<std::string>* warnings) {
   std::optional<MeshFault> fault;
   if (extension == ".off") {
     fault = ReadOffSoup(bytes, soup);
   } else if (extension == ".obj") {
     fault = ReadObjSoup(bytes, soup, warnings);
+  } else if (extension == ".ply") {
+    fault = ReadPlySoup(bytes, soup);
   } else {
-    // To their end, before CGAL believes what they claim, which costs little
-    // beside its work; and it takes a coordinate that is no number.
-    fault = extension == ".ply" ? FindPlyFault(bytes) : FindStlFault(bytes);
-    if (!fault && !ReadPolygonSoup(path, soup)) {
-      fault = {"", absl::StrCat("not a mesh that can be read to its end, "
-                                "expected finite numbers and ",
-                                Grammar(extension))};
-    }
+    fault = ReadStlSoup(bytes, soup);
   }
   return fault ? FaultError(subject, *fault) : absl::OkStatus();
 }
@@ -217,7 +214,7 @@ absl::StatusOr<LoadedMesh> ReadMesh(const std::string& path,
   LoadedMesh loaded;
   PolygonSoup soup;
   ISOMATCH_RETURN_IF_ERROR(
-      ReadSoup(path, subject, extension, *bytes, &soup, &loaded.warnings));
+      ReadSoup(subject, extension, *bytes, &soup, &loaded.warnings));
   ISOMATCH_RETURN_IF_ERROR(UseSoup(soup, subject, extension, &loaded));
   loaded.file_faces = loaded.mesh.faces;
   return loaded;

@@ -48,7 +48,6 @@ RESTRICTED = {
     r"meshoptimizer\.h": {"core/mesh"},
     r"spdlog": {"server/logging"},
     r"prometheus/": {"server/metrics"},
-    r"CGAL/": {"client"},
     r"png\.h$": {"client"},
     # A clock; core/base/mutex.h may wait, but tells no time to core.
     r"(chrono|absl/time/clock\.h|ctime)$":

@@ -243,6 +243,37 @@ TEST_F(MeshFileTest, OffFilesThatAreNoneAreRefused) {
               Refused("line 4: w of vertex 1 (0-based) is 0"));
 }
 
+TEST_F(MeshFileTest, PlyFilesWithoutWhatASurfaceHasAreRefused) {
+  const auto with = [](const std::string& line, const std::string& instead) {
+    std::string ply = kPly;
+    return ply.replace(ply.find(line), line.size(), instead);
+  };
+  const auto refused = Refused("expected one element vertex with x, y, z");
+  for (const char* other : {"v", "x", "z"}) {
+    EXPECT_THAT(Error("a.ply", with("float y", std::string("float ") + other)),
+                refused);
+  }
+  EXPECT_THAT(Error("a.ply", with("vertex_indices", "corners")), refused);
+  EXPECT_THAT(
+      Error("a.ply", with("property list uchar int vertex_indices\n", "")),
+      Refused("element face has no properties"));
+  EXPECT_THAT(Error("a.ply", with("element vertex 6\n", "")), Refused("X: '"));
+}
+
+TEST_F(MeshFileTest, CornersOfAnStlFileAtOnePlaceAreOneVertex) {
+  const absl::StatusOr<LoadedMesh> loaded = Read(
+      "a.stl",
+      "solid s\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\n"
+      "vertex 1 1 0\nendloop\nendfacet\nfacet normal 0 0 1\nouter loop\n"
+      "vertex -0 0 0.0\nvertex 1 1 0\nvertex 0 1 0\nendloop\nendfacet\n"
+      "endsolid s\n");
+  ASSERT_THAT(loaded, IsOk());
+  EXPECT_EQ(loaded->mesh.num_vertices(), 4);
+  Faces faces(2, 3);
+  faces << 0, 1, 2, 0, 2, 3;
+  EXPECT_EQ(loaded->mesh.faces, faces);
+}
+
 TEST_F(MeshFileTest, AFaultOfAnStlFileIsNamed) {
   const std::string text =
       "solid s\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\n"
