@@ -274,9 +274,12 @@ absl::StatusOr<VertexIndex> WeldVertices(const WeldTolerance& tolerance,
   const std::vector<int> faces_before = CountFacesAtVertices(*mesh);
   DropCollapsed(mesh);
   KeepOnFaces(faces_before, place, mesh);
-  if (mesh->num_faces() > 0) return moved;
-  return absl::InvalidArgumentError(
-      absl::StrFormat("--weld %g leaves no face", length));
+  const std::string field = absl::StrFormat("--weld %g", length);
+  if (mesh->num_faces() == 0) {
+    return absl::InvalidArgumentError(absl::StrCat(field, " leaves no face"));
+  }
+  ISOMATCH_RETURN_IF_ERROR(ValidateMesh(*mesh, field));
+  return moved;
 }
 
 std::string WeldAdvice::Text() const {

@@ -34,7 +34,7 @@ absl::StatusOr<WeldTolerance> ParseWeldTolerance(const std::string& text);
 /// Returns how many vertices were moved.
 ///
 /// INVALID_ARGUMENT without a path: a tolerance above a tenth of the diagonal,
-/// or no face is left. Time O(n).
+/// or no face is left, or none that has an area. Time O(n).
 absl::StatusOr<VertexIndex> WeldVertices(const WeldTolerance& tolerance,
                                          TriangleMesh* mesh);
 

@@ -95,6 +95,18 @@ TEST(WeldVerticesTest, VerticesWithoutAFaceGoWhereTheyWereMoved) {
   }
 }
 
+TEST(WeldVerticesTest, WhatIsLeftWithoutAreaIsRefused) {
+  // A flat face, and a small one beside it.
+  TriangleMesh mesh = {Positions(6, 3), Faces(2, 3)};
+  mesh.positions << 0, 0, 0, 1, 0, 0, 2, 0, 0, 0, 1, 0, 1e-4, 1, 0, 0, 1.0001,
+      0;
+  mesh.faces << 0, 1, 2, 3, 4, 5;
+  EXPECT_THAT(ValidateMesh(mesh, "mesh"), IsOk());
+  EXPECT_THAT(WeldVertices(Tolerance("0.001"), &mesh),
+              StatusIs(absl::StatusCode::kInvalidArgument,
+                       testing::HasSubstr("--weld 0.001: surface area is 0")));
+}
+
 TEST(WeldVerticesTest, NothingNearIsLeftAlone) {
   TriangleMesh sphere = BumpySphere(2);
   const TriangleMesh before = sphere;
