@@ -192,7 +192,7 @@ void HostileTenantTest::FillTheQueue() {
 }
 
 void HostileTenantTest::ReadLargeMeshes() {
-  const v1::Mesh mesh = ToDraco(WavyGrid(IsSoak() ? 600 : 200));
+  const v1::Mesh mesh = ToDraco(WavyGrid(IsSoak() ? 350 : 200));
   large_mesh_ = mesh.draco();
   ASSERT_TRUE(UploadMesh(server_->stub(), large_mesh_, kAlice).ok());
   v1::CreateJobRequest request;
