@@ -4,12 +4,15 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <string>
 #include <utility>
 #include <vector>
 
+#include "absl/status/statusor.h"
 #include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "client/text_file.h"
 #include "client/word_cursor.h"
 
 namespace isomatch {
@@ -79,16 +82,12 @@ class OffReader {
   }
 
   std::optional<MeshFault> ReadCount(const char* of, std::int64_t* count) {
-    const absl::string_view word = cursor_.Take();
-    // More overflow in what they need.
-    constexpr std::int64_t kMost = std::int64_t{1} << 48;
-    if (absl::SimpleAtoi(word, count) && 0 <= *count && *count <= kMost) {
-      return std::nullopt;
+    const auto found = ParseHeaderCount(cursor_.Take(), of);
+    if (!found.ok()) {
+      return MeshFault{cursor_.Place(), std::string(found.status().message())};
     }
-    return MeshFault{
-        cursor_.Place(),
-        absl::StrCat("the header's number of ", of, " is ", Quoted(word),
-                     ", expected a whole number of 0 or more, in text")};
+    *count = *found;
+    return std::nullopt;
   }
 
   std::optional<MeshFault> ReadVertex(std::int64_t v) {
