@@ -39,10 +39,14 @@
 namespace isomatch {
 namespace {
 
+/// What health probes get to hear NOT_SERVING: calls that come once gRPC shuts
+/// down hear nothing until streams end.
+constexpr absl::Duration kLastProbes = absl::Milliseconds(100);
+
 /// What clients get to ask for the results of jobs that ended while draining,
 /// and gRPC to end streams then. Together below the second that main.cc allows.
-constexpr absl::Duration kLastCalls = absl::Milliseconds(400);
-constexpr absl::Duration kStreamsEnd = absl::Milliseconds(400);
+constexpr absl::Duration kLastCalls = absl::Milliseconds(300);
+constexpr absl::Duration kStreamsEnd = absl::Milliseconds(300);
 
 /// What the process itself has, and memory that was freed but not given back.
 constexpr std::int64_t kProcessBytes = std::int64_t{256} << 20;
@@ -403,7 +407,9 @@ void Server::Impl::Shutdown(absl::Duration drain) {
     }
     const bool jobs_run = manager_.load().running_jobs > 0;
     manager_.Shutdown(drain);
-    if (jobs_run && drain > absl::ZeroDuration()) absl::SleepFor(kLastCalls);
+    if (drain > absl::ZeroDuration()) {
+      absl::SleepFor(jobs_run ? kLastCalls : kLastProbes);
+    }
     // What gRPC is given once it shuts down would stay open.
     if (accept_loop_ != nullptr) accept_loop_->Stop();
     if (grpc_ != nullptr) {

@@ -25,7 +25,7 @@ namespace isomatch {
 ///      the queued ones are QUEUED there and run when the server starts again;
 ///      without, they become CANCELLED;
 ///   4. watchers get their last message, or UNAVAILABLE (DRAINING) when the job
-///      goes on later; with a drain time, clients get 0.4 s to ask for the
+///      goes on later; with a drain time, clients get 0.3 s to ask for the
 ///      results, then gRPC stops;
 ///   5. the metrics endpoint closes and the threads are joined.
 ///

@@ -99,6 +99,15 @@ TEST_F(ServiceTest, IsNotServingWhileItDrainsAndTakesNoNewJobs) {
   stopping.join();
 }
 
+TEST_F(ServiceTest, HealthIsToldThatAnIdleServerStops) {
+  std::thread stopping([&] { server_->Shutdown(absl::Seconds(20)); });
+  // Check expects an answer each time.
+  while (Check("") != Health::NOT_SERVING) {
+    if (HasFailure()) break;
+  }
+  stopping.join();
+}
+
 TEST_F(ServiceTest, ReflectionListsAllServicesAndKnowsThem) {
   const std::string services = Reflect("\x3a\x01*");  // list_services = 7
   EXPECT_THAT(services, HasSubstr("isomatch.v1.CorrespondenceService"));
