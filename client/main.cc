@@ -5,7 +5,7 @@
 
 #include <unistd.h>
 
-#include "client/command_line.h"
+#include "client/cli/command_line.h"
 
 namespace {
 

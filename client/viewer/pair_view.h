@@ -9,7 +9,7 @@
 #include <Eigen/Core>
 
 #include "absl/types/span.h"
-#include "client/viewer/colours.h"
+#include "client/picture/colors.h"
 #include "core/base/vertex_index.h"
 #include "core/mesh/surface_point.h"
 #include "core/mesh/triangle_mesh.h"

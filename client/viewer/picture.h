@@ -3,7 +3,7 @@
 #include <string>
 
 #include "absl/status/status.h"
-#include "client/viewer/image.h"
+#include "client/picture/image.h"
 #include "client/viewer/pair_view.h"
 #include "client/viewer/rasteriser.h"
 

@@ -3,8 +3,8 @@
 #include <vector>
 
 #include "absl/types/span.h"
-#include "client/viewer/colours.h"
-#include "client/viewer/image.h"
+#include "client/picture/colors.h"
+#include "client/picture/image.h"
 #include "core/mesh/triangle_mesh.h"
 
 namespace isomatch {

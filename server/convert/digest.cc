@@ -1,8 +1,8 @@
 #include "server/convert/digest.h"
 
 #include "absl/strings/str_cat.h"
+#include "core/base/sha256.h"
 #include "server/jobs/errors.h"
-#include "server/storage/sha256.h"
 
 namespace isomatch {
 

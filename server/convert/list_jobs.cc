@@ -6,12 +6,12 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/string_view.h"
+#include "core/base/sha256.h"
 #include "core/base/status_macros.h"
 #include "server/convert/job_proto.h"
 #include "server/convert/labels.h"
 #include "server/convert/request_limits.h"
 #include "server/jobs/errors.h"
-#include "server/storage/sha256.h"
 
 namespace isomatch {
 namespace {

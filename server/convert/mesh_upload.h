@@ -3,11 +3,11 @@
 #include <string>
 
 #include "absl/status/status.h"
+#include "core/base/sha256.h"
 #include "isomatch/v1/service.pb.h"
 #include "server/convert/request_limits.h"
 #include "server/jobs/partial_uploads.h"
 #include "server/storage/blob_store.h"
-#include "server/storage/sha256.h"
 
 namespace isomatch {
 

@@ -8,10 +8,10 @@
 #include <google/protobuf/io/zero_copy_stream_impl_lite.h>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/sha256.h"
 #include "core/base/status_macros.h"
 #include "core/pipeline/matcher.h"
 #include "server/jobs/errors.h"
-#include "server/storage/sha256.h"
 
 namespace isomatch {
 namespace {

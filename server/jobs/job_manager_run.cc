@@ -4,11 +4,11 @@
 #include <chrono>
 #include <utility>
 
+#include "core/base/sha256.h"
 #include "core/base/status_macros.h"
 #include "server/jobs/errors.h"
 #include "server/jobs/job_manager.h"
 #include "server/jobs/within_memory.h"
-#include "server/storage/sha256.h"
 
 namespace isomatch {
 namespace {

@@ -12,9 +12,9 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "absl/strings/strip.h"
+#include "core/base/sha256.h"
 #include "core/base/status_macros.h"
 #include "server/rpc/small_file.h"
-#include "server/storage/sha256.h"
 
 namespace isomatch {
 namespace {

@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "server/storage/sha256.h"
+#include "core/base/sha256.h"
 
 namespace isomatch {
 namespace {

@@ -13,9 +13,9 @@
 
 #include "absl/cleanup/cleanup.h"
 #include "absl/strings/str_cat.h"
+#include "core/base/sha256.h"
 #include "core/base/status_macros.h"
 #include "server/storage/blob_files.h"
-#include "server/storage/sha256.h"
 
 namespace isomatch {
 namespace {

@@ -10,7 +10,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_split.h"
 #include "absl/strings/string_view.h"
-#include "server/storage/sha256.h"
+#include "core/base/sha256.h"
 
 namespace isomatch {
 namespace {

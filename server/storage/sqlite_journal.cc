@@ -11,11 +11,11 @@
 
 #include "absl/cleanup/cleanup.h"
 #include "absl/strings/str_cat.h"
+#include "core/base/sha256.h"
 #include "core/base/status_macros.h"
 #include "server/storage/disk_reserve.h"
 #include "server/storage/job_record_codec.h"
 #include "server/storage/journal_mark.h"
-#include "server/storage/sha256.h"
 
 namespace isomatch {
 namespace {

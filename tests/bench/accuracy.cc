@@ -6,7 +6,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "client/text_file.h"
+#include "client/files/text_file.h"
 #include "core/base/status_macros.h"
 
 namespace isomatch::bench {

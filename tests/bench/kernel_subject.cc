@@ -1,6 +1,6 @@
 #include "tests/bench/kernel_subject.h"
 
-#include "client/sample_animal.h"
+#include "client/sample/sample_animal.h"
 #include "core/geodesic/farthest_point_sampling.h"
 #include "core/mesh/clean_mesh.h"
 #include "core/pipeline/match_options.h"

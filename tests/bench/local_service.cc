@@ -8,8 +8,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "client/result_parts.h"
-#include "client/rpc_status.h"
+#include "client/api/result_parts.h"
+#include "client/api/rpc_status.h"
 #include "core/base/status_macros.h"
 
 namespace isomatch::bench {

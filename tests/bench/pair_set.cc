@@ -4,8 +4,8 @@
 #include <sstream>
 
 #include "absl/strings/str_cat.h"
-#include "client/mesh_file.h"
-#include "client/text_file.h"
+#include "client/files/mesh_file.h"
+#include "client/files/text_file.h"
 #include "core/base/nearest_columns.h"
 #include "core/base/status_macros.h"
 

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "client/map_file.h"
+#include "client/files/map_file.h"
 #include "core/mesh/triangle_mesh.h"
 
 namespace isomatch::bench {

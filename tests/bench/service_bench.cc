@@ -9,8 +9,8 @@
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/str_cat.h"
-#include "client/sample_animal.h"
-#include "client/text_file.h"
+#include "client/files/text_file.h"
+#include "client/sample/sample_animal.h"
 #include "core/base/status_macros.h"
 #include "core/io/draco_mesh.h"
 #include "core/pipeline/matcher.h"

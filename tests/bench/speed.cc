@@ -13,8 +13,8 @@
 
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
-#include "client/sample_animal.h"
-#include "client/text_file.h"
+#include "client/files/text_file.h"
+#include "client/sample/sample_animal.h"
 #include "core/base/status_macros.h"
 #include "core/evaluation/geodesic_error.h"
 #include "core/geodesic/basis_points.h"

@@ -8,12 +8,12 @@
 #include <string>
 
 #include "absl/time/clock.h"
+#include "core/base/sha256.h"
 #include "core/io/draco_mesh.h"
 #include "server/convert/parse_create_job.h"
 #include "server/convert/stored_request.h"
 #include "server/jobs/errors.h"
 #include "server/storage/memory_blob_store.h"
-#include "server/storage/sha256.h"
 #include "tests/fuzz/check.h"
 
 namespace isomatch {

@@ -12,13 +12,13 @@
 
 #include <unistd.h>
 
-#include "client/map_file.h"
-#include "client/mesh_file.h"
-#include "client/mesh_weld.h"
-#include "client/named_vertices.h"
-#include "client/obj_file.h"
-#include "client/place_file.h"
-#include "client/vertex_colors.h"
+#include "client/files/map_file.h"
+#include "client/files/mesh_file.h"
+#include "client/files/mesh_weld.h"
+#include "client/files/named_vertices.h"
+#include "client/files/obj_file.h"
+#include "client/files/place_file.h"
+#include "client/files/vertex_colors.h"
 #include "tests/fuzz/check.h"
 
 namespace isomatch {

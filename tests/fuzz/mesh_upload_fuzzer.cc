@@ -15,9 +15,9 @@
 #include <optional>
 #include <string>
 
+#include "core/base/sha256.h"
 #include "server/convert/mesh_upload.h"
 #include "server/storage/memory_blob_store.h"
-#include "server/storage/sha256.h"
 #include "tests/fuzz/byte_reader.h"
 #include "tests/fuzz/check.h"
 #include "tests/server/manual_executor.h"

@@ -4,9 +4,9 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "core/base/sha256.h"
 #include "core/io/draco_mesh.h"
 #include "google/rpc/status.pb.h"
-#include "server/storage/sha256.h"
 #include "tests/support/shapes.h"
 
 namespace isomatch {

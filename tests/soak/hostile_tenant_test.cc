@@ -18,7 +18,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "core/base/mutex.h"
-#include "server/storage/sha256.h"
+#include "core/base/sha256.h"
 #include "tests/server/test_server.h"
 #include "tests/soak/figures.h"
 #include "tests/soak/soak_server.h"

@@ -8,7 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "server/storage/sha256.h"
+#include "core/base/sha256.h"
 #include "tests/server/test_server.h"
 #include "tests/support/shapes.h"
 

@@ -11,8 +11,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "client/sample_animal.h"
-#include "server/storage/sha256.h"
+#include "client/sample/sample_animal.h"
+#include "core/base/sha256.h"
 #include "tests/server/test_server.h"
 #include "tests/soak/figures.h"
 #include "tests/soak/known_jobs.h"

@@ -15,10 +15,10 @@
 #include <string>
 #include <utility>
 
-#include <isomatch/client/connection.h>
-#include <isomatch/client/isomatch_client.h>
-#include <isomatch/client/map_file.h>
-#include <isomatch/client/mesh_file.h>
+#include <isomatch/client/api/connection.h>
+#include <isomatch/client/api/isomatch_client.h>
+#include <isomatch/client/files/map_file.h>
+#include <isomatch/client/files/mesh_file.h>
 
 namespace {
 

@@ -16,9 +16,9 @@
 #include <utility>
 #include <vector>
 
-#include <isomatch/client/connection.h>
-#include <isomatch/client/isomatch_client.h>
-#include <isomatch/client/mesh_file.h>
+#include <isomatch/client/api/connection.h>
+#include <isomatch/client/api/isomatch_client.h>
+#include <isomatch/client/files/mesh_file.h>
 
 namespace {
 

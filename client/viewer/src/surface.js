@@ -24,7 +24,7 @@ const vertexShader = `
     gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0);
   }`;
 
-// Light from above the viewer's left shoulder. client/view_picture.cc lights and
+// Light from above the viewer's left shoulder. client/viewer/picture.cc lights and
 // patterns the same way.
 const fragmentShader = `
   uniform int pattern;

@@ -10,9 +10,9 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "core/base/sha256.h"
 #include "core/io/draco_mesh.h"
 #include "server/convert/request_limits.h"
-#include "server/storage/sha256.h"
 #include "tests/server/test_server.h"
 #include "tests/support/draco_stream.h"
 #include "tests/support/shapes.h"

@@ -10,8 +10,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "core/base/sha256.h"
 #include "server/jobs/thread_pool.h"
-#include "server/storage/sha256.h"
 #include "tests/server/jobs/job_manager_fixture.h"
 
 namespace isomatch {

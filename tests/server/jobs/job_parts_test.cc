@@ -6,7 +6,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "server/storage/sha256.h"
+#include "core/base/sha256.h"
 #include "tests/server/jobs/job_manager_fixture.h"
 
 namespace isomatch {

@@ -1,7 +1,7 @@
 #include <thread>
 
 #include "absl/time/clock.h"
-#include "server/storage/sha256.h"
+#include "core/base/sha256.h"
 #include "tests/server/jobs/job_manager_fixture.h"
 #include "tests/server/storage/fake_journal.h"
 

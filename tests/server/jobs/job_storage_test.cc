@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "server/storage/sha256.h"
+#include "core/base/sha256.h"
 
 #include "tests/server/jobs/job_manager_fixture.h"
 

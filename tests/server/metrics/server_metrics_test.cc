@@ -8,8 +8,8 @@
 #include <gtest/gtest.h>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/sha256.h"
 #include "core/base/version.h"
-#include "server/storage/sha256.h"
 #include "tests/server/metrics/http_get.h"
 #include "tests/server/test_server.h"
 #include "tests/support/matchers.h"

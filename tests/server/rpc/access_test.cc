@@ -6,8 +6,8 @@
 #include <gtest/gtest.h>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/sha256.h"
 #include "server/jobs/errors.h"
-#include "server/storage/sha256.h"
 #include "tests/support/matchers.h"
 #include "tests/support/temporary_folder.h"
 

@@ -8,7 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "absl/strings/str_cat.h"
-#include "server/storage/sha256.h"
+#include "core/base/sha256.h"
 #include "tests/support/matchers.h"
 #include "tests/support/temporary_folder.h"
 

@@ -9,7 +9,7 @@
 #include <gtest/gtest.h>
 
 #include "absl/strings/str_cat.h"
-#include "server/storage/sha256.h"
+#include "core/base/sha256.h"
 #include "tests/server/test_server.h"
 #include "tests/support/shapes.h"
 #include "tests/support/temporary_folder.h"

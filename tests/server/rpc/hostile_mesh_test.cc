@@ -16,7 +16,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "server/storage/sha256.h"
+#include "core/base/sha256.h"
 #include "tests/server/test_server.h"
 #include "tests/support/shapes.h"
 

@@ -9,8 +9,8 @@
 #include <gtest/gtest.h>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/sha256.h"
 #include "isomatch/v1/service.pb.h"
-#include "server/storage/sha256.h"
 #include "tests/server/test_server.h"
 #include "tests/support/matchers.h"
 #include "tests/support/temporary_folder.h"

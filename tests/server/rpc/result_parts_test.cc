@@ -8,8 +8,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "core/base/sha256.h"
 #include "server/jobs/match_engine.h"
-#include "server/storage/sha256.h"
 #include "tests/server/test_server.h"
 #include "tests/support/shapes.h"
 

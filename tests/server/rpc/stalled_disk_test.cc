@@ -17,8 +17,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "core/base/sha256.h"
 #include "grpc/health/v1/health.grpc.pb.h"
-#include "server/storage/sha256.h"
 #include "tests/server/test_server.h"
 #include "tests/support/temporary_folder.h"
 

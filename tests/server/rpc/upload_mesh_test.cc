@@ -6,7 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "absl/time/clock.h"
-#include "server/storage/sha256.h"
+#include "core/base/sha256.h"
 #include "tests/server/test_server.h"
 #include "tests/support/shapes.h"
 

@@ -11,9 +11,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "core/base/sha256.h"
 #include "server/storage/directory_blob_store.h"
 #include "server/storage/memory_blob_store.h"
-#include "server/storage/sha256.h"
 #include "tests/support/matchers.h"
 #include "tests/support/temporary_folder.h"
 

@@ -16,8 +16,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "core/base/sha256.h"
 #include "server/storage/files.h"
-#include "server/storage/sha256.h"
 #include "tests/support/matchers.h"
 #include "tests/support/small_disk.h"
 #include "tests/support/temporary_folder.h"

@@ -1,0 +1,141 @@
+#include "client/cli/job_flags.h"
+
+#include <limits>
+#include <utility>
+
+#include <CLI/CLI.hpp>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
+#include "client/cli/command_support.h"
+#include "client/cli/option_support.h"
+#include "core/base/status_macros.h"
+
+namespace isomatch {
+namespace {
+
+// Empty means no limit.
+absl::StatusOr<absl::Duration> ParseTimeout(const std::string& flag,
+                                            const std::string& text) {
+  absl::Duration duration = absl::InfiniteDuration();
+  if (text.empty()) return duration;
+  if (absl::ParseDuration(text, &duration) && duration > absl::ZeroDuration() &&
+      duration < absl::InfiniteDuration()) {
+    return duration;
+  }
+  return absl::InvalidArgumentError(
+      absl::StrCat(flag, " is '", text,
+                   "', expected a duration above 0, e.g. 90s, 10m or 2h30m"));
+}
+
+// What the API takes; a server uses no more than its share.
+constexpr std::uint64_t kMostThreads = 1024;
+
+}  // namespace
+
+void AddPairOptions(CLI::App* command, std::string* x, std::string* y,
+                    std::string* landmarks) {
+  constexpr char kMesh[] = "Mesh: .off, .obj, .ply or .stl";
+  command->add_option("X", *x, kMesh)->required()->type_name(kFile);
+  command->add_option("Y", *y, kMesh)->required()->type_name(kFile);
+  command
+      ->add_option("--landmarks", *landmarks,
+                   "File of known matches, lines `x y`")
+      ->type_name(kFile)
+      ->group(kMethodGroup);
+}
+
+void AddJobFlags(CLI::App* command, JobOptions* options) {
+  command->add_flag("--landmarks-exact", options->landmarks_exact,
+                    "Keep every landmark, even one that the rest contradicts");
+  command
+      ->add_option("--priority", options->priority,
+                   "With --server: jobs of a higher one start first")
+      ->check(CLI::Range(-100, 100).description(""))
+      ->type_name("NUMBER")
+      ->capture_default_str();
+  SetChoices(command->add_option("--profile", options->profile,
+                                 "default: what measured best; paper: as "
+                                 "published"),
+             "NAME", {"default", "paper"})
+      ->capture_default_str();
+  command
+      ->add_option("--random-seed", options->random_seed,
+                   "The same seed gives the same map")
+      ->check(WholeNumber(0, std::numeric_limits<std::uint64_t>::max()))
+      ->type_name("SEED")
+      ->capture_default_str();
+  command
+      ->add_option("--solved-vertices", options->solved_vertices,
+                   "Decimate larger meshes to about as many and lift the map; "
+                   "0 never does, not given: as the profile has it")
+      ->check(WholeNumber(0, std::numeric_limits<std::int32_t>::max()))
+      ->type_name("COUNT");
+  command
+      ->add_option("--memory-limit", options->memory_limit_bytes,
+                   "The job takes no more, e.g. 800MB or 2GB: it uses fewer "
+                   "threads, then solves on fewer vertices, or is refused")
+      ->transform(MemorySize())
+      ->type_name("BYTES")
+      ->default_str("none");
+  command
+      ->add_option("--threads", options->threads,
+                   "For each job; 0, or more than there are: all cores, or the "
+                   "server's share")
+      ->check(WholeNumber(0, kMostThreads))
+      ->type_name("COUNT")
+      ->capture_default_str();
+  SetGroup(command, kMethodGroup,
+           {"--landmarks-exact", "--profile", "--random-seed",
+            "--solved-vertices", "--memory-limit", "--threads"});
+  SetGroup(command, kServerGroup, {"--priority"});
+  AddWeldOption(command, &options->weld);
+}
+
+void AddQueueFlags(CLI::App* command, QueueFlags* flags) {
+  command
+      ->add_option("--label", flags->labels,
+                   "To find the job by; may be repeated")
+      ->type_name("KEY=VALUE");
+  command
+      ->add_option("--queue-timeout", flags->queue_timeout,
+                   "Fail the job when it waited so long, e.g. 10m")
+      ->type_name("DURATION");
+  command
+      ->add_option("--run-timeout", flags->run_timeout,
+                   "Fail the job when it ran so long, e.g. 90s")
+      ->type_name("DURATION");
+  SetGroup(command, kServerGroup,
+           {"--label", "--queue-timeout", "--run-timeout"});
+}
+
+absl::Status SetQueueFlags(const QueueFlags& flags, MatchRequest* request) {
+  ISOMATCH_ASSIGN_OR_RETURN(request->labels,
+                            ParseLabels("--label", flags.labels));
+  ISOMATCH_ASSIGN_OR_RETURN(
+      request->queue_timeout,
+      ParseTimeout("--queue-timeout", flags.queue_timeout));
+  ISOMATCH_ASSIGN_OR_RETURN(request->run_timeout,
+                            ParseTimeout("--run-timeout", flags.run_timeout));
+  return absl::OkStatus();
+}
+
+absl::StatusOr<std::map<std::string, std::string>> ParseLabels(
+    const std::string& flag, const std::vector<std::string>& words) {
+  std::map<std::string, std::string> labels;
+  for (const std::string& word : words) {
+    const std::pair<std::string, std::string> label =
+        absl::StrSplit(word, absl::MaxSplits('=', 1));
+    if (label.first.empty() || word.find('=') == std::string::npos) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(flag, " is '", word, "', expected KEY=VALUE"));
+    }
+    if (!labels.insert(label).second) {
+      return absl::InvalidArgumentError(absl::StrCat(
+          flag, ": '", label.first, "' is given twice, expected once"));
+    }
+  }
+  return labels;
+}
+
+}  // namespace isomatch

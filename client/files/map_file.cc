@@ -1,0 +1,372 @@
+#include "client/files/map_file.h"
+
+#include <cassert>
+#include <cstddef>
+#include <unordered_map>
+#include <utility>
+
+#include <nlohmann/json.hpp>
+
+#include "absl/strings/str_cat.h"
+#include "client/files/npy_file.h"
+#include "client/files/text_file.h"
+#include "core/base/status_macros.h"
+
+namespace isomatch {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr char kJsonFormat[] = "isomatch-map";
+constexpr int kJsonVersion = 1;
+
+absl::StatusOr<std::vector<NumberLine>> ReadNumberLines(
+    const std::string& path, const std::string& what) {
+  ISOMATCH_ASSIGN_OR_RETURN(const std::string text, ReadFile(path, what));
+  ISOMATCH_ASSIGN_OR_RETURN(std::vector<NumberLine> lines,
+                            ParseNumberLines(path, text));
+  if (lines.empty()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("'", path, "': no line of numbers, expected ", what));
+  }
+  return lines;
+}
+
+absl::Status CheckColumns(const std::string& path, const NumberLine& line,
+                          std::size_t columns, const std::string& names) {
+  if (line.numbers.size() == columns) return absl::OkStatus();
+  return LineError(
+      path, line.line,
+      absl::StrCat("found ", line.numbers.size(), " numbers, expected ",
+                   columns, " (", names, ")"));
+}
+
+// Checks the number in `column`, called `name`, against [first, end).
+absl::Status CheckVertex(const std::string& path, const NumberLine& line,
+                         std::size_t column, const char* name,
+                         std::int64_t first, std::int64_t end) {
+  const std::int64_t found = line.numbers[column];
+  if (first <= found && found < end) return absl::OkStatus();
+  return LineError(path, line.line,
+                   absl::StrCat(name, " is ", found, ", expected ", first,
+                                " to ", end - 1, " (0-based)"));
+}
+
+// Remembers in `partner` that `from` goes with `to`; an error when it went with
+// another one before.
+absl::Status CheckPartner(
+    const std::string& path, int line, const char* name, VertexIndex from,
+    VertexIndex to, std::unordered_map<VertexIndex, VertexIndex>& partner) {
+  const auto [entry, is_new] = partner.emplace(from, to);
+  if (is_new || entry->second == to) return absl::OkStatus();
+  return LineError(
+      path, line,
+      absl::StrCat("vertex ", from, " of ", name, " is matched to ", to,
+                   " and before to ", entry->second, ", expected one partner"));
+}
+
+absl::StatusOr<GroundTruth> TruthFromColumn(
+    const std::string& path, const std::vector<NumberLine>& lines,
+    std::int64_t vertices_x, std::int64_t vertices_y) {
+  if (static_cast<std::int64_t>(lines.size()) != vertices_x) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "'", path, "': ", lines.size(), " lines of one number, expected ",
+        vertices_x, ", one for each vertex of X, or lines `x y`"));
+  }
+  GroundTruth truth;
+  for (const NumberLine& line : lines) {
+    ISOMATCH_RETURN_IF_ERROR(CheckColumns(path, line, 1, "y"));
+    ISOMATCH_RETURN_IF_ERROR(
+        CheckVertex(path, line, 0, "y", kNoVertex, vertices_y));
+    truth.direct.push_back(static_cast<VertexIndex>(line.numbers[0]));
+  }
+  return truth;
+}
+
+absl::StatusOr<GroundTruth> TruthFromPairs(const std::string& path,
+                                           const std::vector<NumberLine>& lines,
+                                           std::int64_t vertices_x,
+                                           std::int64_t vertices_y) {
+  const std::size_t columns = lines.front().numbers.size();
+  const VertexMap none(static_cast<std::size_t>(vertices_x), kNoVertex);
+  GroundTruth truth{none, columns == 3 ? none : VertexMap{}};
+  for (const NumberLine& line : lines) {
+    ISOMATCH_RETURN_IF_ERROR(CheckColumns(
+        path, line, columns, columns == 3 ? "x y y_mirrored" : "x y"));
+    ISOMATCH_RETURN_IF_ERROR(CheckVertex(path, line, 0, "x", 0, vertices_x));
+    ISOMATCH_RETURN_IF_ERROR(
+        CheckVertex(path, line, 1, "y", kNoVertex, vertices_y));
+    const auto x = static_cast<std::size_t>(line.numbers[0]);
+    truth.direct[x] = static_cast<VertexIndex>(line.numbers[1]);
+    if (columns < 3) continue;
+    ISOMATCH_RETURN_IF_ERROR(
+        CheckVertex(path, line, 2, "y_mirrored", kNoVertex, vertices_y));
+    truth.mirrored[x] = static_cast<VertexIndex>(line.numbers[2]);
+  }
+  return truth;
+}
+
+// Numbers of a file, one for each vertex.
+struct Entries {
+  std::vector<std::int64_t> values;
+  // Where each stands in a text file; empty for the other formats.
+  std::vector<int> lines;
+
+  std::string Place(const std::string& path, std::size_t i) const {
+    return lines.empty() ? absl::StrCat("'", path, "', entry ", i, " (0-based)")
+                         : absl::StrCat("'", path, "', line ", lines[i]);
+  }
+};
+
+absl::StatusOr<Entries> EntriesFromText(const std::string& path,
+                                        const std::string& name,
+                                        const std::string& what) {
+  ISOMATCH_ASSIGN_OR_RETURN(const std::vector<NumberLine> lines,
+                            ReadNumberLines(path, what));
+  Entries entries;
+  for (const NumberLine& line : lines) {
+    ISOMATCH_RETURN_IF_ERROR(CheckColumns(path, line, 1, name));
+    entries.values.push_back(line.numbers[0]);
+    entries.lines.push_back(line.line);
+  }
+  return entries;
+}
+
+absl::StatusOr<Entries> EntriesFromNpy(const std::string& path,
+                                       const std::string& what) {
+  ISOMATCH_ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, what));
+  Entries entries;
+  ISOMATCH_ASSIGN_OR_RETURN(entries.values, ParseNpy(path, bytes));
+  return entries;
+}
+
+absl::Status JsonError(const std::string& path, const std::string& what) {
+  return absl::InvalidArgumentError(absl::StrCat("'", path, "': ", what));
+}
+
+absl::Status ParseJson(const std::string& path, const std::string& text,
+                       Json* json) {
+  // A map's is 1; what is deeper is left out, since a library that walks it
+  // would use up the stack.
+  constexpr int kMostDepth = 8;
+  const auto is_kept = [](int depth, Json::parse_event_t, Json&) {
+    return depth <= kMostDepth;
+  };
+  std::string why;
+  try {
+    *json = Json::parse(text, is_kept);
+    return absl::OkStatus();
+  } catch (const Json::parse_error& error) {
+    why = absl::StrCat("byte ", error.byte, ": not JSON (", error.what());
+  } catch (const Json::exception& error) {
+    why = absl::StrCat("not JSON (", error.what());
+  }
+  return JsonError(
+      path,
+      absl::StrCat(why, "), expected a map as `isomatch match` writes it"));
+}
+
+// For errors: a number or a word as it stands, cut; of others, which may be
+// large, only what they are.
+std::string Shown(const Json& json) {
+  if (!json.is_primitive()) return json.type_name();
+  return json.dump(-1, ' ', false, Json::error_handler_t::replace)
+      .substr(0, 40);
+}
+
+// Checks json[key], a number that the file must agree on.
+absl::Status CheckJsonNumber(const std::string& path, const Json& json,
+                             const char* key, std::int64_t expected) {
+  const auto found = json.find(key);
+  if (found != json.end() && *found == expected) return absl::OkStatus();
+  return JsonError(
+      path,
+      absl::StrCat(key, " is ", found == json.end() ? "missing" : Shown(*found),
+                   ", expected ", expected));
+}
+
+absl::StatusOr<Entries> EntriesFromJson(const std::string& path,
+                                        std::int64_t vertices_y,
+                                        const std::string& what) {
+  ISOMATCH_ASSIGN_OR_RETURN(const std::string text, ReadFile(path, what));
+  Json json;
+  ISOMATCH_RETURN_IF_ERROR(ParseJson(path, text, &json));
+  const auto format = json.find("format");
+  if (format == json.end() || *format != kJsonFormat) {
+    return JsonError(path, absl::StrCat("expected a JSON object with format \"",
+                                        kJsonFormat, "\""));
+  }
+  ISOMATCH_RETURN_IF_ERROR(
+      CheckJsonNumber(path, json, "version", kJsonVersion));
+  ISOMATCH_RETURN_IF_ERROR(
+      CheckJsonNumber(path, json, "vertices_y", vertices_y));
+  const auto array = json.find("y_from_x");
+  if (array == json.end() || !array->is_array()) {
+    return JsonError(path, "y_from_x is no array, expected one");
+  }
+  ISOMATCH_RETURN_IF_ERROR(CheckJsonNumber(
+      path, json, "vertices_x", static_cast<std::int64_t>(array->size())));
+  constexpr std::uint64_t kLargest = std::numeric_limits<std::int64_t>::max();
+  Entries entries;
+  for (const Json& entry : *array) {
+    const bool is_whole = entry.is_number_unsigned()
+                              ? entry.get<std::uint64_t>() <= kLargest
+                              : entry.is_number_integer();
+    if (!is_whole) {
+      return JsonError(path,
+                       absl::StrCat("y_from_x[", entries.values.size(), "] is ",
+                                    Shown(entry), ", expected a whole number"));
+    }
+    entries.values.push_back(entry.get<std::int64_t>());
+  }
+  return entries;
+}
+
+absl::StatusOr<Entries> MapEntries(const std::string& path,
+                                   std::int64_t vertices_y) {
+  constexpr char kWhat[] = "a map: one vertex index of Y a line";
+  switch (MapFormatOf(path)) {
+    case MapFormat::kText:
+      return EntriesFromText(path, "y", kWhat);
+    case MapFormat::kNpy:
+      return EntriesFromNpy(path, "a map: a NumPy array of integers");
+    case MapFormat::kJson:
+      return EntriesFromJson(path, vertices_y, "a map as JSON");
+    case MapFormat::kPly:
+      break;
+  }
+  return absl::InvalidArgumentError(
+      absl::StrCat("'", path,
+                   "': a map in a .ply file is for looking at only, expected "
+                   "one in a .txt, .npy or .json file"));
+}
+
+// Checks that there is one entry for each of `expected` vertices of `name`.
+absl::Status CheckCount(const std::string& path, const Entries& entries,
+                        std::int64_t expected, const char* name) {
+  const auto found = static_cast<std::int64_t>(entries.values.size());
+  if (found == expected) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrCat("'", path, "': ", found, " entries, expected ", expected,
+                   ", one for each vertex of ", name));
+}
+
+}  // namespace
+
+MapFormat MapFormatOf(const std::string& path) {
+  const std::string extension = LowerExtension(path);
+  if (extension == ".npy") return MapFormat::kNpy;
+  if (extension == ".json") return MapFormat::kJson;
+  if (extension == ".ply") return MapFormat::kPly;
+  return MapFormat::kText;
+}
+
+std::string FormatMap(absl::Span<const VertexIndex> y_from_x) {
+  std::string text;
+  for (const VertexIndex y : y_from_x) absl::StrAppend(&text, y, "\n");
+  return text;
+}
+
+std::string FormatMap(absl::Span<const VertexIndex> y_from_x,
+                      std::int64_t vertices_y, MapFormat format) {
+  assert(format != MapFormat::kPly);
+  const std::vector<std::int64_t> numbers(y_from_x.begin(), y_from_x.end());
+  if (format == MapFormat::kNpy) return FormatNpy(numbers);
+  if (format == MapFormat::kText) return FormatMap(y_from_x);
+  const Json json = {{"format", kJsonFormat},
+                     {"version", kJsonVersion},
+                     {"vertices_x", numbers.size()},
+                     {"vertices_y", vertices_y},
+                     {"y_from_x", numbers}};
+  return json.dump() + "\n";
+}
+
+absl::StatusOr<VertexMap> ReadMap(const std::string& path,
+                                  std::int64_t vertices_y,
+                                  std::optional<std::int64_t> vertices_x) {
+  ISOMATCH_ASSIGN_OR_RETURN(const Entries entries,
+                            MapEntries(path, vertices_y));
+  if (vertices_x) {
+    ISOMATCH_RETURN_IF_ERROR(CheckCount(path, entries, *vertices_x, "X"));
+  }
+  VertexMap y_from_x;
+  y_from_x.reserve(entries.values.size());
+  for (std::size_t i = 0; i < entries.values.size(); ++i) {
+    const std::int64_t y = entries.values[i];
+    if (y < kNoVertex || y >= vertices_y) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(entries.Place(path, i), ": y is ", y, ", expected ",
+                       kNoVertex, " to ", vertices_y - 1, " (0-based)"));
+    }
+    y_from_x.push_back(static_cast<VertexIndex>(y));
+  }
+  return y_from_x;
+}
+
+absl::StatusOr<std::vector<std::int64_t>> ReadLabels(const std::string& path,
+                                                     std::int64_t vertices) {
+  absl::StatusOr<Entries> entries =
+      MapFormatOf(path) == MapFormat::kNpy
+          ? EntriesFromNpy(path, "labels: a NumPy array of integers")
+          : EntriesFromText(path, "label", "labels: one whole number a line");
+  if (!entries.ok()) return entries.status();
+  ISOMATCH_RETURN_IF_ERROR(CheckCount(path, *entries, vertices, "Y"));
+  return std::move(entries->values);
+}
+
+std::string FormatLabels(const std::string& path,
+                         absl::Span<const std::int64_t> labels) {
+  if (MapFormatOf(path) == MapFormat::kNpy) return FormatNpy(labels);
+  std::string text;
+  for (const std::int64_t label : labels) absl::StrAppend(&text, label, "\n");
+  return text;
+}
+
+absl::StatusOr<std::vector<VertexMatch>> ReadLandmarks(
+    const std::string& path, std::int64_t vertices_x, std::int64_t vertices_y) {
+  ISOMATCH_ASSIGN_OR_RETURN(const std::vector<NumberLine> lines,
+                            ReadNumberLines(path, "landmarks: lines `x y`"));
+  std::vector<VertexMatch> landmarks;
+  std::unordered_map<VertexIndex, VertexIndex> y_of_x;
+  std::unordered_map<VertexIndex, VertexIndex> x_of_y;
+  for (const NumberLine& line : lines) {
+    ISOMATCH_RETURN_IF_ERROR(CheckColumns(path, line, 2, "x y"));
+    ISOMATCH_RETURN_IF_ERROR(CheckVertex(path, line, 0, "x", 0, vertices_x));
+    ISOMATCH_RETURN_IF_ERROR(CheckVertex(path, line, 1, "y", 0, vertices_y));
+    const auto x = static_cast<VertexIndex>(line.numbers[0]);
+    const auto y = static_cast<VertexIndex>(line.numbers[1]);
+    ISOMATCH_RETURN_IF_ERROR(CheckPartner(path, line.line, "X", x, y, y_of_x));
+    ISOMATCH_RETURN_IF_ERROR(CheckPartner(path, line.line, "Y", y, x, x_of_y));
+    landmarks.push_back({x, y});
+  }
+  return landmarks;
+}
+
+absl::StatusOr<GroundTruth> ReadGroundTruth(const std::string& path,
+                                            std::int64_t vertices_x,
+                                            std::int64_t vertices_y) {
+  if (MapFormatOf(path) != MapFormat::kText) {
+    ISOMATCH_ASSIGN_OR_RETURN(VertexMap map,
+                              ReadMap(path, vertices_y, vertices_x));
+    return GroundTruth{std::move(map), {}};
+  }
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const std::vector<NumberLine> lines,
+      ReadNumberLines(path,
+                      "a ground truth: lines `x y`, `x y y_mirrored` or "
+                      "one bare y for each vertex of X"));
+  switch (lines.front().numbers.size()) {
+    case 1:
+      return TruthFromColumn(path, lines, vertices_x, vertices_y);
+    case 2:
+    case 3:
+      return TruthFromPairs(path, lines, vertices_x, vertices_y);
+    default:
+      return LineError(path, lines.front().line,
+                       absl::StrCat("found ", lines.front().numbers.size(),
+                                    " numbers, expected 1 (y), 2 (x y) or 3 "
+                                    "(x y y_mirrored)"));
+  }
+}
+
+}  // namespace isomatch

@@ -1,0 +1,164 @@
+#include "client/files/off_reader.h"
+
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "absl/strings/match.h"
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "client/files/text_file.h"
+#include "client/files/word_cursor.h"
+
+namespace isomatch {
+namespace {
+
+// The shortest that can be written: "0 0 0\n" and "3 0 1 2".
+constexpr std::int64_t kVertexBytes = 6;
+constexpr std::int64_t kFaceBytes = 7;
+
+// Also a number with a decimal point, as tables of numbers are written.
+bool ReadWhole(absl::string_view word, std::int64_t* number) {
+  if (absl::SimpleAtoi(word, number)) return true;
+  double found = 0;
+  constexpr double kMost = 1e15;
+  if (!ReadFinite(word, &found) || std::floor(found) != found ||
+      std::abs(found) > kMost) {
+    return false;
+  }
+  *number = static_cast<std::int64_t>(found);
+  return true;
+}
+
+class OffReader {
+ public:
+  OffReader(absl::string_view text, PolygonSoup* soup)
+      : bytes_(static_cast<std::int64_t>(text.size())),
+        cursor_(text),
+        soup_(soup) {}
+
+  std::optional<MeshFault> Read() {
+    if (auto fault = ReadHeader()) return fault;
+    soup_->points.reserve(static_cast<std::size_t>(vertices_));
+    for (std::int64_t v = 0; v < vertices_; ++v) {
+      if (auto fault = ReadVertex(v)) return fault;
+    }
+    soup_->polygons.reserve(static_cast<std::size_t>(faces_));
+    for (std::int64_t f = 0; f < faces_; ++f) {
+      if (auto fault = ReadFace(f)) return fault;
+    }
+    return std::nullopt;
+  }
+
+ private:
+  std::optional<MeshFault> ReadHeader() {
+    const absl::string_view kind = cursor_.Take();
+    if (!absl::EndsWith(kind, "OFF")) {
+      return MeshFault{"", "expected the letters OFF at its beginning"};
+    }
+    if (absl::EndsWith(kind, "nOFF")) {
+      return MeshFault{"", "expected coordinates in space, OFF, not nOFF"};
+    }
+    is_homogeneous_ = absl::EndsWith(kind, "4OFF");
+    if (auto fault = ReadCount("vertices", &vertices_)) return fault;
+    if (auto fault = ReadCount("faces", &faces_)) return fault;
+    // The number of edges says nothing; it may be missing, or stand alone.
+    if (cursor_.LeftOnLine() > 0) {
+      cursor_.DropLine();
+    } else if (cursor_.LeftAhead() == 1) {
+      cursor_.Take();
+    }
+    const std::int64_t needed = vertices_ * kVertexBytes + faces_ * kFaceBytes;
+    if (needed <= bytes_) return std::nullopt;
+    return MeshFault{
+        "", absl::StrCat("the header claims ", vertices_, " vertices and ",
+                         faces_, " faces, which takes at least ", needed,
+                         " bytes, but the file has ", bytes_)};
+  }
+
+  std::optional<MeshFault> ReadCount(const char* of, std::int64_t* count) {
+    const auto found = ParseHeaderCount(cursor_.Take(), of);
+    if (!found.ok()) {
+      return MeshFault{cursor_.Place(), std::string(found.status().message())};
+    }
+    *count = *found;
+    return std::nullopt;
+  }
+
+  std::optional<MeshFault> ReadVertex(std::int64_t v) {
+    constexpr std::array<const char*, 4> kNames = {"x", "y", "z", "w"};
+    std::array<double, 4> numbers = {0, 0, 0, 1};
+    const std::size_t count = is_homogeneous_ ? 4 : 3;
+    for (std::size_t i = 0; i < count; ++i) {
+      const absl::string_view word = cursor_.Take();
+      if (word.empty()) return Ends("vertex", v);
+      if (ReadFinite(word, &numbers[i])) continue;
+      return MeshFault{
+          cursor_.Place(),
+          absl::StrCat(kNames[i], " of vertex ", v, " (0-based) is ",
+                       Quoted(word), ", expected a finite number")};
+    }
+    cursor_.DropLine();  // normals, colors, texture coordinates
+    const double w = numbers[3];
+    soup_->points.push_back({numbers[0] / w, numbers[1] / w, numbers[2] / w});
+    if (w != 0) return std::nullopt;
+    return MeshFault{cursor_.Place(),
+                     absl::StrCat("w of vertex ", v,
+                                  " (0-based) is 0, expected another number")};
+  }
+
+  std::optional<MeshFault> ReadFace(std::int64_t f) {
+    const absl::string_view size = cursor_.Take();
+    if (size.empty()) return Ends("face", f);
+    std::int64_t corners = 0;
+    if (!ReadWhole(size, &corners) || corners < 3) {
+      return MeshFault{cursor_.Place(),
+                       absl::StrCat("face ", f, " (0-based) has ", Quoted(size),
+                                    " corners, expected 3 or more")};
+    }
+    std::vector<std::size_t> polygon;
+    for (; corners > 0; --corners) {
+      const absl::string_view word = cursor_.Take();
+      if (word.empty()) return Ends("face", f);
+      std::int64_t vertex = 0;
+      if (!ReadWhole(word, &vertex) || vertex < 0 || vertex >= vertices_) {
+        return MeshFault{
+            cursor_.Place(),
+            absl::StrCat("face ", f, " (0-based) names vertex ", Quoted(word),
+                         ", expected 0 to ", vertices_ - 1)};
+      }
+      polygon.push_back(static_cast<std::size_t>(vertex));
+    }
+    cursor_.DropLine();  // colors
+    soup_->polygons.push_back(std::move(polygon));
+    return std::nullopt;
+  }
+
+  MeshFault Ends(const char* kind, std::int64_t item) const {
+    return {cursor_.Place(),
+            absl::StrCat("the file ends in ", kind, " ", item,
+                         " (0-based), expected ", vertices_, " vertices and ",
+                         faces_, " faces as its header says")};
+  }
+
+  const std::int64_t bytes_;
+  WordCursor cursor_;
+  PolygonSoup* const soup_;
+  bool is_homogeneous_ = false;
+  std::int64_t vertices_ = 0;
+  std::int64_t faces_ = 0;
+};
+
+}  // namespace
+
+std::optional<MeshFault> ReadOffSoup(absl::string_view text,
+                                     PolygonSoup* soup) {
+  return OffReader(text, soup).Read();
+}
+
+}  // namespace isomatch

@@ -1,0 +1,144 @@
+#include "client/files/stl_reader.h"
+
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+
+#include "absl/container/flat_hash_map.h"
+#include "absl/strings/ascii.h"
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "client/files/word_cursor.h"
+
+namespace isomatch {
+namespace {
+
+// Makes vertices of corners, and triangles of three corners each.
+class CornerJoiner {
+ public:
+  explicit CornerJoiner(PolygonSoup* soup) : soup_(soup) {}
+
+  void Add(std::array<double, 3> point) {
+    // -0 is 0.
+    for (double& coordinate : point) coordinate += 0.0;
+    const auto [found, is_new] =
+        vertices_.try_emplace(point, soup_->points.size());
+    if (is_new) soup_->points.push_back(point);
+    if (corners_++ % 3 == 0) soup_->polygons.emplace_back().reserve(3);
+    soup_->polygons.back().push_back(found->second);
+  }
+
+ private:
+  PolygonSoup* const soup_;
+  absl::flat_hash_map<std::array<double, 3>, std::size_t> vertices_;
+  std::size_t corners_ = 0;
+};
+
+constexpr std::size_t kStlHeaderBytes = 84;
+constexpr std::size_t kStlTriangleBytes = 50;
+
+std::uint32_t StlTriangles(absl::string_view bytes) {
+  std::uint32_t triangles = 0;
+  std::memcpy(&triangles, bytes.data() + kStlHeaderBytes - sizeof(triangles),
+              sizeof(triangles));
+  return triangles;
+}
+
+std::optional<MeshFault> ReadBinary(absl::string_view bytes,
+                                    CornerJoiner* corners) {
+  if (bytes.size() < kStlHeaderBytes) {
+    return MeshFault{
+        "", absl::StrCat("the file has ", bytes.size(),
+                         " bytes, expected text that begins with `solid`, or ",
+                         kStlHeaderBytes, " bytes and the triangles")};
+  }
+  const std::uint32_t triangles = StlTriangles(bytes);
+  const std::size_t held = (bytes.size() - kStlHeaderBytes) / kStlTriangleBytes;
+  if (held < triangles) {
+    return MeshFault{
+        "", absl::StrCat("the header claims ", triangles,
+                         " triangles, but the file has bytes for ", held)};
+  }
+  for (std::size_t t = 0; t < triangles; ++t) {
+    // Normal, three corners, two bytes.
+    std::array<float, 12> numbers;
+    std::memcpy(numbers.data(),
+                bytes.data() + kStlHeaderBytes + t * kStlTriangleBytes,
+                sizeof(numbers));
+    for (std::size_t i = 3; i < numbers.size(); ++i) {
+      if (std::isfinite(numbers[i])) continue;
+      return MeshFault{absl::StrCat("triangle ", t, " (0-based)"),
+                       absl::StrCat(kAxisNames[i % 3], " of corner ", i / 3 - 1,
+                                    " (0-based) is ", numbers[i],
+                                    ", expected a finite number")};
+    }
+    for (std::size_t corner = 0; corner < 3; ++corner) {
+      const float* const at = &numbers[3 + 3 * corner];
+      corners->Add({at[0], at[1], at[2]});
+    }
+  }
+  return std::nullopt;
+}
+
+std::optional<MeshFault> ReadText(absl::string_view text,
+                                  CornerJoiner* joiner) {
+  WordCursor cursor(text);
+  std::int64_t triangles = 0;
+  int corners = 0;
+  bool has_ended = false;
+  absl::string_view word;
+  while (!(word = cursor.Take()).empty()) {
+    // The name of a solid may have any words.
+    if (word == "solid" || word == "endsolid") {
+      has_ended = word == "endsolid" && corners == 0;
+      cursor.DropLine();
+    }
+    if (word == "endloop" && corners != 3) {
+      return MeshFault{cursor.Place(),
+                       absl::StrCat("triangle ", triangles, " (0-based) has ",
+                                    corners, " corners, expected 3")};
+    }
+    if (word == "endloop") {
+      corners = 0;
+      ++triangles;
+    }
+    if (word != "vertex") continue;
+    ++corners;
+    std::array<double, 3> point = {};
+    for (std::size_t axis = 0; axis < kAxisNames.size(); ++axis) {
+      const absl::string_view number = cursor.Take();
+      if (ReadFinite(number, &point[axis])) continue;
+      return MeshFault{
+          cursor.Place(),
+          absl::StrCat(kAxisNames[axis], " of a corner of triangle ", triangles,
+                       " (0-based) is ", Quoted(number),
+                       ", expected a finite number")};
+    }
+    joiner->Add(point);
+  }
+  if (has_ended) return std::nullopt;
+  return MeshFault{cursor.Place(),
+                   absl::StrCat("the file ends after ", triangles,
+                                " triangles without `endsolid`")};
+}
+
+}  // namespace
+
+std::optional<MeshFault> ReadStlSoup(absl::string_view bytes,
+                                     PolygonSoup* soup) {
+  // Headers of binary files may begin with "solid" too; as a number, letters of
+  // a text are more triangles than it has bytes for.
+  const bool is_binary =
+      bytes.size() >= kStlHeaderBytes &&
+      kStlHeaderBytes + kStlTriangleBytes * std::size_t{StlTriangles(bytes)} <=
+          bytes.size();
+  CornerJoiner joiner(soup);
+  return absl::StartsWith(absl::StripLeadingAsciiWhitespace(bytes), "solid") &&
+                 !is_binary
+             ? ReadText(bytes, &joiner)
+             : ReadBinary(bytes, &joiner);
+}
+
+}  // namespace isomatch

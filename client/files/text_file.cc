@@ -1,0 +1,220 @@
+#include "client/files/text_file.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <charconv>
+#include <cstdio>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+#include <sstream>
+#include <system_error>
+#include <utility>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
+#include "core/base/status_macros.h"
+
+namespace isomatch {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string Quoted(const std::string& path) {
+  return absl::StrCat("'", path, "'");
+}
+
+absl::Status OutputError(const std::string& path, int error) {
+  const std::string message =
+      absl::StrCat(Quoted(path), ": cannot be written: ", std::strerror(error));
+  const bool disk = error == ENOSPC || error == EIO || error == EDQUOT;
+  return disk ? absl::UnavailableError(message)
+              : absl::InvalidArgumentError(message);
+}
+
+// Writes all of `bytes` and flushes them to the disk. Returns an errno, 0 when
+// all went well.
+int WriteAll(int file, absl::string_view bytes) {
+  while (!bytes.empty()) {
+    const ssize_t written = write(file, bytes.data(), bytes.size());
+    if (written < 0 && errno != EINTR) return errno;
+    if (written > 0) bytes.remove_prefix(static_cast<std::size_t>(written));
+  }
+  // Pipes and devices cannot be synced, and need not.
+  return fsync(file) == 0 || errno == EINVAL || errno == EROFS ? 0 : errno;
+}
+
+// Writes to an open file and closes it.
+int WriteAndClose(int file, absl::string_view bytes) {
+  const int error = WriteAll(file, bytes);
+  return close(file) == 0 || error != 0 ? error : errno;
+}
+
+absl::Status WriteInPlace(const std::string& path, absl::string_view bytes) {
+  const int file = open(path.c_str(), O_WRONLY | O_CLOEXEC);
+  if (file < 0) return OutputError(path, errno);
+  const int error = WriteAndClose(file, bytes);
+  return error == 0 ? absl::OkStatus() : OutputError(path, error);
+}
+
+// The folder that will hold `path`.
+fs::path FolderOf(const fs::path& path) {
+  return path.has_parent_path() ? path.parent_path() : fs::path(".");
+}
+
+template <typename Number>
+void AppendShortest(Number number, std::string* text) {
+  std::array<char, 32> digits;
+  const std::to_chars_result end =
+      std::to_chars(digits.data(), digits.data() + digits.size(), number);
+  text->append(digits.data(), end.ptr);
+}
+
+bool IsDevice(const std::string& path) {
+  std::error_code ignored;
+  return fs::exists(path, ignored) && !fs::is_regular_file(path, ignored) &&
+         !fs::is_directory(path, ignored);
+}
+
+}  // namespace
+
+absl::Status CheckInputFile(const std::string& path, const std::string& what) {
+  std::error_code error;
+  const fs::file_status status = fs::status(path, error);
+  if (status.type() == fs::file_type::not_found) {
+    return absl::NotFoundError(
+        absl::StrCat(Quoted(path), ": no such file, expected ", what));
+  }
+  if (error || status.type() != fs::file_type::regular) {
+    const char* found =
+        fs::is_directory(status) ? "a directory" : "not a regular file";
+    return absl::InvalidArgumentError(
+        absl::StrCat(Quoted(path), ": ", found, ", expected ", what));
+  }
+  if (fs::file_size(path, error) == 0) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(Quoted(path), ": the file is empty, expected ", what));
+  }
+  if (access(path.c_str(), R_OK) != 0) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(Quoted(path), ": cannot be read: ", std::strerror(errno)));
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<std::string> ReadFile(const std::string& path,
+                                     const std::string& what) {
+  ISOMATCH_RETURN_IF_ERROR(CheckInputFile(path, what));
+  std::ifstream file(path, std::ios::binary);
+  std::ostringstream bytes;
+  bytes << file.rdbuf();
+  if (!file || !bytes) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(Quoted(path), ": cannot be read to its end"));
+  }
+  return std::move(bytes).str();
+}
+
+absl::Status CheckOutputFile(const std::string& path) {
+  std::error_code error;
+  if (fs::is_directory(path, error)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(Quoted(path), ": a directory, expected a file to write"));
+  }
+  const fs::path folder = FolderOf(path);
+  if (!fs::is_directory(folder, error)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(Quoted(path), ": there is no folder ",
+                     Quoted(folder.string()), " to write it to"));
+  }
+  if (!IsDevice(path) && access(folder.c_str(), W_OK) != 0) {
+    return OutputError(path, errno);
+  }
+  return absl::OkStatus();
+}
+
+absl::Status WriteFileAtomically(const std::string& path,
+                                 absl::string_view bytes) {
+  ISOMATCH_RETURN_IF_ERROR(CheckOutputFile(path));
+  if (IsDevice(path)) return WriteInPlace(path, bytes);
+  std::string temporary = absl::StrCat(path, ".XXXXXX");
+  const int file = mkstemp(temporary.data());
+  if (file < 0) return OutputError(path, errno);
+  // What the user's umask would give a new file; mkstemp gives 0600.
+  const mode_t mask = umask(0);
+  umask(mask);
+  fchmod(file, 0666 & ~mask);
+  int error = WriteAndClose(file, bytes);
+  if (error == 0 && std::rename(temporary.c_str(), path.c_str()) != 0) {
+    error = errno;
+  }
+  if (error == 0) return absl::OkStatus();
+  unlink(temporary.c_str());
+  return OutputError(path, error);
+}
+
+absl::StatusOr<std::vector<NumberLine>> ParseNumberLines(
+    const std::string& path, absl::string_view text) {
+  std::vector<NumberLine> lines;
+  int line = 0;
+  for (absl::string_view row : absl::StrSplit(text, '\n')) {
+    ++line;
+    row = row.substr(0, row.find('#'));
+    std::vector<std::int64_t> numbers;
+    for (const absl::string_view word :
+         absl::StrSplit(row, absl::ByAnyChar(" \t\r,"), absl::SkipEmpty())) {
+      std::int64_t number = 0;
+      if (!absl::SimpleAtoi(word, &number)) {
+        return LineError(path, line,
+                         absl::StrCat("found '", word.substr(0, 40),
+                                      "', expected a whole number"));
+      }
+      numbers.push_back(number);
+    }
+    if (!numbers.empty()) lines.push_back({line, std::move(numbers)});
+  }
+  return lines;
+}
+
+absl::StatusOr<std::int64_t> ParseHeaderCount(absl::string_view word,
+                                              const std::string& of) {
+  constexpr std::int64_t kMaxCount = std::numeric_limits<std::int32_t>::max();
+  std::int64_t count = 0;
+  if (absl::SimpleAtoi(word, &count) && count >= 0 && count <= kMaxCount) {
+    return count;
+  }
+  return absl::InvalidArgumentError(
+      absl::StrCat("the header's number of ", of, " is '", word.substr(0, 40),
+                   "', expected 0 to ", kMaxCount));
+}
+
+std::vector<absl::string_view> SplitWords(absl::string_view line) {
+  return absl::StrSplit(line, absl::ByAnyChar(" \t\r\n"), absl::SkipEmpty());
+}
+
+void AppendNumber(double number, std::string* text) {
+  AppendShortest(number, text);
+}
+
+void AppendNumber(float number, std::string* text) {
+  AppendShortest(number, text);
+}
+
+std::string LowerExtension(const std::string& path) {
+  return absl::AsciiStrToLower(fs::path(path).extension().string());
+}
+
+absl::Status LineError(const std::string& path, int line,
+                       const std::string& what) {
+  return absl::InvalidArgumentError(
+      absl::StrCat(Quoted(path), ", line ", line, ": ", what));
+}
+
+}  // namespace isomatch

@@ -1,0 +1,91 @@
+#include "client/job/part_files.h"
+
+#include <cstddef>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
+#include "client/files/face_finder.h"
+#include "client/files/text_file.h"
+#include "core/base/status_macros.h"
+
+namespace isomatch {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Json ToJson(const Eigen::VectorXd& vector) {
+  return std::vector<double>(vector.begin(), vector.end());
+}
+
+}  // namespace
+
+std::string FormatPreciseMap(absl::Span<const PrecisePoint> points,
+                             const TriangleMesh& mesh_y) {
+  const FaceFinder faces(mesh_y);
+  std::string text;
+  for (const PrecisePoint& point : points) {
+    const SurfacePoint found = faces.Find(point);
+    absl::StrAppend(&text, found.face);
+    for (const double weight : found.weights) {
+      text += ' ';
+      AppendNumber(static_cast<float>(weight), &text);
+    }
+    text += '\n';
+  }
+  return text;
+}
+
+std::string FormatConfidence(absl::Span<const float> confidence) {
+  std::string text;
+  for (const float value : confidence) {
+    AppendNumber(value, &text);
+    text += '\n';
+  }
+  return text;
+}
+
+absl::StatusOr<std::vector<float>> ReadConfidence(const std::string& path,
+                                                  std::int64_t vertices_x) {
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const std::string text,
+      ReadFile(path, "confidence: one number from 0 to 1 a line"));
+  std::vector<float> confidence;
+  int line = 0;
+  for (absl::string_view row : absl::StrSplit(text, '\n')) {
+    ++line;
+    row = absl::StripAsciiWhitespace(row.substr(0, row.find('#')));
+    if (row.empty()) continue;
+    float value = 0;
+    // The comparison is false for NaN.
+    if (!absl::SimpleAtof(row, &value) || !(0 <= value && value <= 1)) {
+      return LineError(path, line,
+                       absl::StrCat("found '", row.substr(0, 40),
+                                    "', expected one number from 0 to 1"));
+    }
+    confidence.push_back(value);
+  }
+  if (static_cast<std::int64_t>(confidence.size()) == vertices_x) {
+    return confidence;
+  }
+  return absl::InvalidArgumentError(
+      absl::StrCat("'", path, "': ", confidence.size(), " numbers, expected ",
+                   vertices_x, ", one for each vertex of X"));
+}
+
+std::string FormatFunctionalMap(const FunctionalMap& map) {
+  Json rows = Json::array();
+  for (Eigen::Index row = 0; row < map.fmap_x_from_y.rows(); ++row) {
+    rows.push_back(ToJson(map.fmap_x_from_y.row(row).transpose()));
+  }
+  const Json json = {{"eigenvalues_x", ToJson(map.eigenvalues_x)},
+                     {"eigenvalues_y", ToJson(map.eigenvalues_y)},
+                     {"matrix", std::move(rows)}};
+  return json.dump() + "\n";
+}
+
+}  // namespace isomatch

@@ -1,0 +1,200 @@
+#include <string>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "client/files/map_file.h"
+#include "client/files/mesh_file.h"
+#include "client/files/obj_file.h"
+#include "client/files/text_file.h"
+#include "client/files/vertex_colors.h"
+#include "tests/client/cli/run_isomatch.h"
+#include "tests/support/matchers.h"
+#include "tests/support/shapes.h"
+#include "tests/support/temporary_folder.h"
+
+namespace isomatch {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+
+/// Pose A of 600 vertices, pose B of 500 with a pattern, the true map.
+class TransferCommandTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    ASSERT_EQ(Run({"sample", "--vertices", "600", "-o", x_}).status, 0);
+    ASSERT_EQ(
+        Run({"sample", "--pose", "B", "--vertices", "500", "--texture",
+             "checker", "-o", y_, "--truth-from", "A:600", "--truth", map_})
+            .status,
+        0);
+  }
+  CommandOutcome Run(const std::vector<std::string>& arguments) {
+    return RunIsomatch(arguments);
+  }
+  CommandOutcome Transfer(std::vector<std::string> options) {
+    options.insert(options.begin(), {"transfer", x_, y_, map_});
+    return Run(options);
+  }
+  void ExpectUsageError(const CommandOutcome& outcome, const std::string& why) {
+    EXPECT_EQ(outcome.status, kExitUsage) << outcome.err;
+    EXPECT_THAT(outcome.err, HasSubstr(why));
+  }
+  std::string Content(const std::string& path) {
+    return *ReadFile(path, "an output");
+  }
+
+  TemporaryFolder folder_;
+  const std::string x_ = folder_.Path("x.off");
+  const std::string y_ = folder_.Path("y.obj");
+  const std::string map_ = folder_.Path("map.txt");
+  const std::string out_ = folder_.Path("out.obj");
+};
+
+TEST_F(TransferCommandTest, HelpHasExamples) {
+  const CommandOutcome outcome = Run({"transfer", "--help"});
+  EXPECT_EQ(outcome.status, 0);
+  EXPECT_THAT(outcome.out, AllOf(HasSubstr("Examples:"), HasSubstr("OUT.obj"),
+                                 HasSubstr("--landmarks")));
+}
+
+TEST_F(TransferCommandTest, ATextureGoesFromPoseToPose) {
+  const CommandOutcome outcome = Transfer({"-o", out_});
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  EXPECT_THAT(outcome.out, HasSubstr("texture coordinates: 1196 of 1196"));
+  EXPECT_EQ(outcome.err, "");
+  EXPECT_THAT(Content(out_), AllOf(HasSubstr("mtllib y.mtl\n"),
+                                   HasSubstr("usemtl pattern\n")));
+  EXPECT_THAT(Content(folder_.Path("y.mtl")), HasSubstr("map_Kd y.png"));
+  const absl::StatusOr<LoadedMesh> x = ReadMesh(x_, "X");
+  const absl::StatusOr<LoadedMesh> out = ReadMesh(out_, "OUT");
+  ASSERT_THAT(out, IsOk());
+  EXPECT_EQ(out->mesh.positions, x->mesh.positions);
+  EXPECT_EQ(out->mesh.faces, x->mesh.faces);
+  EXPECT_TRUE((*ReadObjTexture(out_, out->mesh)).has_value());
+}
+
+TEST_F(TransferCommandTest, ColoursGoFromPoseToPose) {
+  const std::string y = folder_.Path("y.ply");
+  const std::string out = folder_.Path("out.ply");
+  ASSERT_EQ(Run({"sample", "--pose", "B", "--vertices", "500", "--texture",
+                 "stripes", "-o", y})
+                .status,
+            0);
+  const CommandOutcome outcome = Run({"transfer", x_, y, map_, "-o", out});
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  EXPECT_THAT(outcome.out, HasSubstr("vertex colours: 600 of 600"));
+  const Colors from = **ReadVertexColors(y, 500);
+  const Colors to = **ReadVertexColors(out, 600);
+  const VertexMap map = *ReadMap(map_, 500, 600);
+  for (std::size_t x = 0; x < map.size(); ++x) {
+    ASSERT_EQ(to.row(static_cast<Eigen::Index>(x)), from.row(map[x]));
+  }
+}
+
+TEST_F(TransferCommandTest, LabelsGoAlongAndTheMissingAreToldOf) {
+  std::string labels;
+  for (int y = 0; y < 500; ++y) labels += std::to_string(1000 + y) + "\n";
+  VertexMap map = *ReadMap(map_, 500);
+  map[3] = kNoVertex;
+  folder_.Write("map.txt", FormatMap(map));
+  const std::string out = folder_.Path("labels.npy");
+  const CommandOutcome outcome =
+      Transfer({"--labels", folder_.Write("y.txt", labels), "-o", out,
+                "--missing", "7"});
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  EXPECT_THAT(outcome.out, HasSubstr("labels: 599 of 600 vertices"));
+  EXPECT_THAT(outcome.err, HasSubstr("1 of 600 vertices of X have no place on "
+                                     "Y: their label is 7"));
+  const std::vector<std::int64_t> carried = *ReadLabels(out, 600);
+  EXPECT_EQ(carried[3], 7);
+  EXPECT_EQ(carried[4], 1000 + map[4]);
+}
+
+TEST_F(TransferCommandTest, LandmarksGoAlongWithTheirNames) {
+  const VertexMap map = *ReadMap(map_, 500);
+  const std::string points = folder_.Write(
+      "points.txt", std::to_string(map[42]) + " tip of the nose\n");
+  const std::string out = folder_.Path("x_points.txt");
+  const CommandOutcome outcome =
+      Transfer({"--landmarks", points, "-o", out, "--json"});
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  const auto json = nlohmann::json::parse(outcome.out);
+  const int x = json["landmarks"][0]["x"];
+  EXPECT_EQ(map[static_cast<std::size_t>(x)], map[42]);
+  EXPECT_EQ(json["landmarks"][0]["distance"], 0);
+  EXPECT_EQ(Content(out), std::to_string(x) + " tip of the nose\n");
+}
+
+TEST_F(TransferCommandTest, JsonTellsWhatWasCarried) {
+  VertexMap map = *ReadMap(map_, 500);
+  map[3] = kNoVertex;
+  folder_.Write("map.txt", FormatMap(map));
+  const CommandOutcome outcome = Transfer({"-o", out_, "--json"});
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  const auto json = nlohmann::json::parse(outcome.out);
+  EXPECT_EQ(json["vertices"], 600);
+  EXPECT_EQ(json["unmatched"], 1);
+  EXPECT_EQ(json["precise"], false);
+  EXPECT_EQ(json["texture"]["faces"], 1196);
+  EXPECT_GT(json["texture"]["without"], 2);
+  EXPECT_GT(json["texture"]["on_seams"], 0);
+  EXPECT_EQ(json["warnings"].size(), 1u);
+}
+
+TEST_F(TransferCommandTest, PrecisePlacesInterpolate) {
+  // Every vertex of X in the middle of face 0 of Y.
+  std::string places;
+  for (int x = 0; x < 600; ++x) places += "0 0.5 0.25 0.25\n";
+  const CommandOutcome outcome =
+      Run({"transfer", x_, y_, folder_.Write("p.txt", places), "-o", out_,
+           "--json"});
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  EXPECT_EQ(nlohmann::json::parse(outcome.out)["precise"], true);
+  const absl::StatusOr<LoadedMesh> y = ReadMesh(y_, "Y");
+  const MeshTexture texture = **ReadObjTexture(y_, y->mesh);
+  const auto place = [&](int i) {
+    return texture.places.row(texture.corners(0, i)).eval();
+  };
+  const absl::StatusOr<LoadedMesh> out = ReadMesh(out_, "OUT");
+  const MeshTexture carried = **ReadObjTexture(out_, out->mesh);
+  EXPECT_TRUE(
+      carried.places.row(carried.corners(5, 1))
+          .isApprox(0.5 * place(0) + 0.25 * place(1) + 0.25 * place(2), 1e-12));
+}
+
+TEST_F(TransferCommandTest, WrongUseIsExplained) {
+  ExpectUsageError(Transfer({}), "--output is required");
+  ExpectUsageError(Transfer({"-o", folder_.Path("a.off")}),
+                   "the extension is '.off', expected .obj or .ply for a mesh");
+  ExpectUsageError(Transfer({"-o", folder_.Path("a.txt")}),
+                   "expected .obj or .ply");
+  const std::string labels = folder_.Write("l.txt", "1\n2\n");
+  ExpectUsageError(Transfer({"--labels", labels, "-o", out_}),
+                   "expected .txt or .npy for labels");
+  ExpectUsageError(Transfer({"--labels", labels, "-o", folder_.Path("a.txt")}),
+                   "2 entries, expected 500, one for each vertex of Y");
+  ExpectUsageError(Transfer({"--labels", labels, "--landmarks", labels, "-o",
+                             folder_.Path("a.txt")}),
+                   "expected one of them");
+  ExpectUsageError(
+      Transfer({"--landmarks", labels, "-o", folder_.Path("a.npy")}),
+      "expected .txt for landmarks");
+  ExpectUsageError(Transfer({"-o", y_}), "is a file that is read too");
+  ExpectUsageError(Transfer({"-o", folder_.Path("none/a.obj")}),
+                   "there is no folder");
+  ExpectUsageError(Transfer({"-o", folder_.Path("a.ply")}),
+                   "texture coordinates only");
+  ExpectUsageError(Run({"transfer", y_, x_, map_, "-o", out_}),
+                   "600 entries, expected 500");
+  ExpectUsageError(
+      Run({"transfer", x_, x_,
+           folder_.Write("id.txt", FormatMap(VertexMap(600, 0))), "-o", out_}),
+      "has neither texture coordinates");
+}
+
+}  // namespace
+}  // namespace isomatch
