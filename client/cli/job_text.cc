@@ -66,7 +66,7 @@ void AppendResult(std::string& text, const v1::ResultInfo& result) {
   }
 }
 
-// What the STATE column's neighbour says.
+// What the STATE column's neighbor says.
 std::string Detail(const v1::Job& job) {
   switch (job.state()) {
     case v1::Job::STATE_QUEUED:

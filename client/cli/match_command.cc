@@ -29,7 +29,7 @@ constexpr char kMatchFooter[] = R"(
 MAP has one line for each vertex of X, in the order of X's file: the 0-based
 vertex of Y that it corresponds to, or -1 for a vertex on no face. Its extension
 tells the format: .txt or none is text, .npy the same as a NumPy array of int64,
-.json as JSON, .ply is X in the colours of Y, to be looked at. Without -o the map
+.json as JSON, .ply is X in the colors of Y, to be looked at. Without -o the map
 goes to standard output; where that is a terminal, a summary does instead, unless
 -o - asks for the numbers.
 
@@ -145,7 +145,7 @@ absl::Status RunMatch(const MatchArguments& arguments,
       facts.colors_y = *std::move(colors);
     } else {
       facts.warnings.push_back(
-          absl::StrCat("Y has the colours of places: its own cannot be read: ",
+          absl::StrCat("Y has the colors of places: its own cannot be read: ",
                        colors.status().message()));
     }
   }

@@ -41,16 +41,16 @@ std::vector<std::string> ResultWarnings(const v1::ResultInfo& info);
 void TellVerdict(const v1::Verdict& verdict, bool quiet,
                  const Terminal& terminal);
 
-/// True when one of the maps is to be in colours.
+/// True when one of the maps is to be in colors.
 bool NeedColors(const MatchOutputs& outputs);
 
 /// What is known of the files of the meshes; both outlive it.
 struct MeshFacts {
-  /// Asked for by maps in colours only.
+  /// Asked for by maps in colors only.
   const TriangleMesh* mesh_x = nullptr;
   /// By these and --precise.
   const TriangleMesh* mesh_y = nullptr;
-  /// Of the vertices of Y, for maps in colours; without them their places
+  /// Of the vertices of Y, for maps in colors; without them their places
   /// decide.
   std::optional<Colors> colors_y = {};
   /// Of reading the meshes, for the report.

@@ -46,7 +46,7 @@ void SetGroup(CLI::App* command, const char* group,
 
 /// The candidate that `word` was probably meant to be: it begins with `word`,
 /// or differs by at most two letters (one in four, of long words) left out, too
-/// many, wrong or exchanged with their neighbour. The nearest, of equals the
+/// many, wrong or exchanged with their neighbor. The nearest, of equals the
 /// first.
 std::optional<std::string> DidYouMean(
     absl::string_view word, const std::vector<std::string>& candidates);

@@ -50,7 +50,7 @@ Examples:
 
 truth.txt has for each vertex of a.off its true vertex of b.off. --texture makes
 a pattern, warm on the left side and cold on the right: in b.obj, b.mtl and
-b.png, or as colours of the vertices of b.ply.
+b.png, or as colors of the vertices of b.ply.
 --truth-from is POSE:VERTICES, or POSE:VERTICES:MESH_SEED when that is not 1.)";
 
 struct SampleArguments {

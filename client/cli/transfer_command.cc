@@ -37,14 +37,14 @@ using Json = nlohmann::ordered_json;
 
 constexpr char kTransferFooter[] = R"(
 MAP is a map from X to Y as `match` writes it (.txt, .npy, .json), or a file of
-`match --precise`, with which colours and texture coordinates are interpolated
+`match --precise`, with which colors and texture coordinates are interpolated
 between the vertices of Y.
 
 Without --labels and --landmarks, OUT is X in the looks of Y's file:
   OUT.obj  texture coordinates (vt of an OBJ file, with its materials) and
-           vertex colours, whichever Y has. All corners of a face lie on one
+           vertex colors, whichever Y has. All corners of a face lie on one
            side of Y's seams; the .mtl file is named, not copied.
-  OUT.ply  vertex colours of Y (.ply, .obj, .off)
+  OUT.ply  vertex colors of Y (.ply, .obj, .off)
 With --labels, OUT (.txt or .npy) has for each vertex of X the label of the
 nearest vertex of Y; labels are never averaged. With --landmarks, whose lines
 are `VERTEX [NAME]` of Y, OUT has such lines of X: the vertex whose place on Y
@@ -176,11 +176,11 @@ absl::Status NothingToCarry(const TransferArguments& arguments,
   if (has_texture) {
     return absl::InvalidArgumentError(absl::StrCat(
         "--output '", arguments.output, "': Y has texture coordinates only, '",
-        arguments.y, "' no vertex colours; expected an .obj file"));
+        arguments.y, "' no vertex colors; expected an .obj file"));
   }
   return absl::InvalidArgumentError(absl::StrCat(
       "Y: '", arguments.y,
-      "' has neither texture coordinates (.obj with vt) nor vertex colours "
+      "' has neither texture coordinates (.obj with vt) nor vertex colors "
       "(.ply, .obj, .off), expected some, or --labels or --landmarks"));
 }
 
@@ -211,7 +211,7 @@ absl::StatusOr<Outcome> CarryLooks(const TransferArguments& arguments,
   std::optional<Colors> colors;
   if (colors_y) {
     colors = CarryColors(*colors_y, inputs.places.points);
-    CountVertices(inputs, "vertex colours", "they are grey", &outcome);
+    CountVertices(inputs, "vertex colors", "they are gray", &outcome);
   }
   const Colors* carried = colors ? &*colors : nullptr;
   outcome.bytes =
@@ -320,7 +320,7 @@ absl::Status RunTransfer(const TransferArguments& arguments,
 Command AddTransferCommand(CLI::App& app) {
   CLI::App* command = app.add_subcommand(
       "transfer",
-      "Carries texture, colours, labels or landmarks from Y to X along a map.");
+      "Carries texture, colors, labels or landmarks from Y to X along a map.");
   const auto arguments = std::make_shared<TransferArguments>();
   command->add_option("X", arguments->x, "Mesh to carry to")->required();
   command->add_option("Y", arguments->y, "Mesh to carry from")->required();

@@ -38,10 +38,10 @@ namespace fs = std::filesystem;
 
 constexpr char kViewFooter[] = R"(
 The page is one HTML file that asks nothing of the network: both shapes in 3D
-with linked cameras. Y is coloured by place, and each vertex of X has the colour
+with linked cameras. Y is colored by place, and each vertex of X has the color
 of its image, so that a good map looks the same on both sides and a mirrored or
 torn one does not. With a --precise file the images lie between the vertices of
-Y, and the colours are not jagged. Other layers are the distortion, the confidence of
+Y, and the colors are not jagged. Other layers are the distortion, the confidence of
 `isomatch match --confidence` and the error against a ground truth; pointing at a
 vertex shows its partners.
 
@@ -52,11 +52,11 @@ Examples:
   isomatch view X.off Y.off map.txt -o report.html --report report.json \
     --confidence confidence.txt --truth truth.txt
   isomatch view X.off Y.off map.txt --png picture.png --pattern checker
-  isomatch view X_colored.ply Y.ply map.txt --png transfer.png --file-colours
+  isomatch view X_colored.ply Y.ply map.txt --png transfer.png --file-colors
   isomatch view X.off Y.off map.txt --png error.png --layer error \
     --truth truth.txt --size 2400x1200 --up z)";
 
-constexpr char kColours[] = "colours";
+constexpr char kColors[] = "colors";
 
 struct ViewArguments {
   std::string x;
@@ -65,7 +65,7 @@ struct ViewArguments {
   std::string page;
   std::string picture;
   std::string size = "1600x800";
-  std::string layer = kColours;
+  std::string layer = kColors;
   std::string pattern = "plain";
   std::string up;
   std::string confidence;
@@ -73,7 +73,7 @@ struct ViewArguments {
   std::string report;
   std::string title;
   std::string weld;
-  bool file_colours = false;
+  bool file_colors = false;
   bool json = false;
 };
 
@@ -100,10 +100,10 @@ absl::Status CheckOutputs(const ViewArguments& arguments) {
 }
 
 absl::Status CheckLayer(const ViewArguments& arguments) {
-  if (arguments.file_colours &&
-      (!arguments.page.empty() || arguments.layer != kColours)) {
+  if (arguments.file_colors &&
+      (!arguments.page.empty() || arguments.layer != kColors)) {
     return absl::InvalidArgumentError(
-        "--file-colours: is for --png alone, without --output and --layer");
+        "--file-colors: is for --png alone, without --output and --layer");
   }
   if (arguments.layer == "confidence" && arguments.confidence.empty()) {
     return absl::InvalidArgumentError(
@@ -201,15 +201,15 @@ absl::Status AddReport(const std::string& path, PairView& view) {
   return absl::OkStatus();
 }
 
-absl::StatusOr<std::vector<Rgb>> FileColours(const std::string& path,
-                                             const std::string& field,
-                                             VertexIndex vertices) {
+absl::StatusOr<std::vector<Rgb>> FileColors(const std::string& path,
+                                            const std::string& field,
+                                            VertexIndex vertices) {
   ISOMATCH_ASSIGN_OR_RETURN(const std::optional<Colors> colors,
                             ReadVertexColors(path, vertices));
   if (!colors) {
     return absl::InvalidArgumentError(
         absl::StrCat(field, ": '", path,
-                     "' has no vertex colours, which --file-colours shows"));
+                     "' has no vertex colors, which --file-colors shows"));
   }
   std::vector<Rgb> bytes;
   for (Eigen::Index v = 0; v < colors->rows(); ++v) {
@@ -239,12 +239,12 @@ absl::StatusOr<PairView> Load(const ViewArguments& arguments,
   view.title = arguments.title.empty()
                    ? absl::StrCat(view.x.name, " \u2192 ", view.y.name)
                    : arguments.title;
-  view.colours_y = PlaceColours(mesh_y.positions);
-  if (arguments.file_colours) {
+  view.colors_y = PlaceColors(mesh_y.positions);
+  if (arguments.file_colors) {
     ISOMATCH_ASSIGN_OR_RETURN(
-        view.colours_x, FileColours(arguments.x, "X", mesh_x.num_vertices()));
+        view.colors_x, FileColors(arguments.x, "X", mesh_x.num_vertices()));
     ISOMATCH_ASSIGN_OR_RETURN(
-        view.colours_y, FileColours(arguments.y, "Y", mesh_y.num_vertices()));
+        view.colors_y, FileColors(arguments.y, "Y", mesh_y.num_vertices()));
   }
   view.rotation = ViewRotation(mesh_x, mesh_y, UpAxis(arguments.up));
   // A report repeats the meshes' warnings.
@@ -333,15 +333,15 @@ absl::Status RunView(const ViewArguments& arguments, const Terminal& terminal) {
 
 void AddAppearance(CLI::App& command, ViewArguments& arguments) {
   SetChoices(command.add_option("--layer", arguments.layer,
-                                "What colours mean, in a page at first"),
-             "LAYER", {kColours, "confidence", "error", "distortion"})
+                                "What colors mean, in a page at first"),
+             "LAYER", {kColors, "confidence", "error", "distortion"})
       ->capture_default_str();
   SetChoices(command.add_option("--pattern", arguments.pattern,
                                 "Drawn on Y by place and carried to X"),
              "PATTERN", {"plain", "stripes", "checker"})
       ->capture_default_str();
-  command.add_flag("--file-colours", arguments.file_colours,
-                   "In the picture: the vertex colours that the files of X and "
+  command.add_flag("--file-colors", arguments.file_colors,
+                   "In the picture: the vertex colors that the files of X and "
                    "Y have, e.g. after `isomatch transfer`");
   SetChoices(command.add_option("--up", arguments.up,
                                 "Axis of the files that points upwards; by "
@@ -357,7 +357,7 @@ void AddAppearance(CLI::App& command, ViewArguments& arguments) {
       ->type_name("TEXT");
   SetGroup(
       &command, "Appearance",
-      {"--layer", "--pattern", "--file-colours", "--up", "--size", "--title"});
+      {"--layer", "--pattern", "--file-colors", "--up", "--size", "--title"});
 }
 
 void AddFiles(CLI::App& command, ViewArguments& arguments) {

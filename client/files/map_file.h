@@ -22,7 +22,7 @@ enum class MapFormat {
   /// .json: {"format": "isomatch-map", "version": 1, "vertices_x": n,
   /// "vertices_y": m, "y_from_x": [the same numbers]}.
   kJson,
-  /// .ply: X in the colours of Y (client/files/map_ply.h). Only to be written.
+  /// .ply: X in the colors of Y (client/files/map_ply.h). Only to be written.
   kPly,
 };
 MapFormat MapFormatOf(const std::string& path);

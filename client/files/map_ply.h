@@ -23,7 +23,7 @@ struct MapPicture {
 
 /// Returns the bytes of a binary PLY file of X whose vertices have, beside x, y
 /// and z, `y_index` (the vertex of Y, -1 for none), its place `y_x y_y y_z`
-/// (NaN for none), its colour `red green blue` (grey for none) and, if known,
+/// (NaN for none), its color `red green blue` (gray for none) and, if known,
 /// `confidence`.
 std::string FormatMapPly(const MapPicture& picture);
 

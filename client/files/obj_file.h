@@ -42,7 +42,7 @@ struct ObjExtras {
 };
 
 /// Returns the text of an OBJ file that is to be at `path`, from whose folder
-/// the libraries are named. Numbers read back the same; colours are fractions
+/// the libraries are named. Numbers read back the same; colors are fractions
 /// of three digits after `v x y z`.
 std::string FormatObj(const std::string& path, const TriangleMesh& mesh,
                       const ObjExtras& extras);

@@ -29,7 +29,7 @@ double ScaleOf(const PlyType& type) {
   return std::ldexp(1.0, 8 * type.bytes) - 1;
 }
 
-// Which column of a colour a property of a PLY file's vertices is; -1 for none.
+// Which column of a color a property of a PLY file's vertices is; -1 for none.
 int ChannelOf(const std::string& name) {
   constexpr std::array<const char*, 3> kNames = {"red", "green", "blue"};
   for (int channel = 0; channel < 3; ++channel) {
@@ -52,7 +52,7 @@ bool HasAllChannels(const PlyElement& element) {
   return has[0] && has[1] && has[2];
 }
 
-// Takes one item of an element; what is a colour goes to `color`, unless null.
+// Takes one item of an element; what is a color goes to `color`, unless null.
 bool TakeItem(const PlyElement& element, PlyBody& body,
               Eigen::RowVector3d* color) {
   for (const PlyProperty& property : element.properties) {
@@ -97,7 +97,7 @@ absl::StatusOr<std::optional<Colors>> FromPly(const std::string& path,
   return std::nullopt;
 }
 
-// Colours as they are read from lines, before their unit is known.
+// Colors as they are read from lines, before their unit is known.
 struct RawColors {
   std::vector<Eigen::RowVector3d> rows;
   VertexIndex without = 0;
@@ -118,10 +118,9 @@ absl::Status AddColor(const std::string& path, int line, const Words& words,
         words[first + static_cast<std::size_t>(channel)];
     if (!absl::SimpleAtod(word, &color[channel]) || !(color[channel] >= 0) ||
         !std::isfinite(color[channel])) {
-      return LineError(
-          path, line,
-          absl::StrCat("a vertex's colour is '", word.substr(0, 40),
-                       "', expected a number of 0 or more"));
+      return LineError(path, line,
+                       absl::StrCat("a vertex's color is '", word.substr(0, 40),
+                                    "', expected a number of 0 or more"));
     }
     raw.has_fractions |= word.find_first_of(".eE") != absl::string_view::npos;
   }
@@ -134,12 +133,12 @@ absl::StatusOr<std::optional<Colors>> Scaled(const std::string& path,
                                              VertexIndex vertices,
                                              double scale) {
   const auto rows = static_cast<VertexIndex>(raw.rows.size());
-  // Coordinates that are spread over lines otherwise have no colours.
+  // Coordinates that are spread over lines otherwise have no colors.
   if (raw.without == rows || rows != vertices) return std::nullopt;
   if (raw.without > 0) {
     return absl::InvalidArgumentError(
         absl::StrCat("'", path, "': ", raw.without, " of ", rows,
-                     " vertices have no colour, expected all or none"));
+                     " vertices have no color, expected all or none"));
   }
   Colors colors(rows, 3);
   for (VertexIndex v = 0; v < rows; ++v) {
@@ -179,7 +178,7 @@ absl::StatusOr<std::optional<Colors>> FromOff(const std::string& path,
     if (words.empty()) continue;
     constexpr std::size_t kHeaderWords = 4;
     if (header_words < kHeaderWords) {
-      // OFF, vertices, faces, edges; NOFF has normals before colours.
+      // OFF, vertices, faces, edges; NOFF has normals before colors.
       if (header_words == 0 && absl::StrContains(words[0], "N")) first += 3;
       header_words += words.size();
       continue;
@@ -193,7 +192,7 @@ absl::StatusOr<std::optional<Colors>> FromOff(const std::string& path,
 }  // namespace
 
 Colors PositionColors(const Positions& positions) {
-  const std::vector<Rgb> bytes = PlaceColours(positions);
+  const std::vector<Rgb> bytes = PlaceColors(positions);
   Colors colors(positions.rows(), 3);
   for (std::size_t v = 0; v < bytes.size(); ++v) {
     for (std::size_t channel = 0; channel < 3; ++channel) {

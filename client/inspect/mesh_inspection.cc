@@ -116,10 +116,10 @@ VertexIndex CountDisagreeing(const Faces& faces) {
 }
 
 bool EnclosesVolume(const TriangleMesh& mesh, double area) {
-  const Eigen::RowVector3d centre = mesh.positions.colwise().mean();
+  const Eigen::RowVector3d center = mesh.positions.colwise().mean();
   double volume = 0;
   for (VertexIndex f = 0; f < mesh.num_faces(); ++f) {
-    volume += SignedVolume6(mesh, f, centre);
+    volume += SignedVolume6(mesh, f, center);
   }
   return std::abs(volume) > kFlatVolume * area * std::sqrt(area);
 }

@@ -17,9 +17,9 @@ namespace isomatch {
 enum class FaceTurn {
   kOutward,
   kInward,
-  /// Neighbours agree, but some components are turned inside out.
+  /// Neighbors agree, but some components are turned inside out.
   kMixed,
-  /// Neighbours disagree, but can be made to agree.
+  /// Neighbors disagree, but can be made to agree.
   kInconsistent,
   /// They cannot, as on a Moebius strip.
   kNone,

@@ -49,15 +49,15 @@ Rgb FromOklch(double lightness, double chroma, double hue) {
       {4.0767416621, -3.3077115913, 0.2309699292},
       {-1.2684380046, 2.6097574011, -0.3413193965},
       {-0.0041960863, -0.7034186147, 1.7076147010}};
-  Rgb colour;
+  Rgb color;
   for (int channel = 0; channel < 3; ++channel) {
     const double linear =
         std::clamp(rgb_from_lms.row(channel).dot(lms), 0.0, 1.0);
-    colour[channel] =
+    color[channel] =
         Byte(linear <= 0.0031308 ? 12.92 * linear
                                  : 1.055 * std::pow(linear, 1 / 2.4) - 0.055);
   }
-  return colour;
+  return color;
 }
 
 /// [-1, 1] to itself, three times as steep in the middle.
@@ -67,7 +67,7 @@ double Steepened(double t) {
 }
 
 /// Of a place in the box, each coordinate from -1 to 1, longest side first.
-Rgb PlaceColour(double longest, double middle, double shortest) {
+Rgb PlaceColor(double longest, double middle, double shortest) {
   constexpr double kDegree = std::numbers::pi / 180;
   const double side = Steepened(shortest);
   const double hue = (150 - 130 * longest + 32 * side) * kDegree;
@@ -108,14 +108,14 @@ Palette DistortionPalette() {
                    {0xb2, 0x25, 0x2c}}});
 }
 
-std::vector<Rgb> PlaceColours(const Positions& positions) {
+std::vector<Rgb> PlaceColors(const Positions& positions) {
   const Eigen::RowVector3d low = positions.colwise().minCoeff();
   const Eigen::RowVector3d extent = positions.colwise().maxCoeff() - low;
   std::array<int, 3> axes;
   std::iota(axes.begin(), axes.end(), 0);
   std::stable_sort(axes.begin(), axes.end(),
                    [&](int i, int j) { return extent[i] > extent[j]; });
-  std::vector<Rgb> colours(positions.rows());
+  std::vector<Rgb> colors(positions.rows());
   for (Eigen::Index v = 0; v < positions.rows(); ++v) {
     std::array<double, 3> place;
     for (int i = 0; i < 3; ++i) {
@@ -124,9 +124,9 @@ std::vector<Rgb> PlaceColours(const Positions& positions) {
                      ? 2 * (positions(v, axis) - low[axis]) / extent[axis] - 1
                      : 0;
     }
-    colours[v] = PlaceColour(place[0], place[1], place[2]);
+    colors[v] = PlaceColor(place[0], place[1], place[2]);
   }
-  return colours;
+  return colors;
 }
 
 }  // namespace isomatch

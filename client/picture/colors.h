@@ -11,11 +11,11 @@ namespace isomatch {
 /// sRGB.
 using Rgb = std::array<std::uint8_t, 3>;
 
-/// Colours of a scale from its low end to its high one.
+/// Colors of a scale from its low end to its high one.
 using Palette = std::array<Rgb, 256>;
 
-/// Where there is no match or no value; no other colour here is a mid grey.
-inline constexpr Rgb kGrey = {158, 158, 158};
+/// Where there is no match or no value; no other color here is a mid gray.
+inline constexpr Rgb kGray = {158, 158, 158};
 
 /// Violet for little to yellow for much, of even steps in lightness.
 Palette ConfidencePalette();
@@ -26,14 +26,14 @@ Palette ErrorPalette();
 /// Blue below, white in the middle, red above.
 Palette DistortionPalette();
 
-/// Returns for each vertex a colour that tells where it is, a smooth function
+/// Returns for each vertex a color that tells where it is, a smooth function
 /// of its place in the mesh's box: hue along the longest side, lightness along
 /// the next, hue and chroma along the shortest. Near the middle, where legs and
 /// left and right meet, it changes fastest. No plane through the box is a
-/// mirror of the colours, so that a map that swaps left and right shows.
+/// mirror of the colors, so that a map that swaps left and right shows.
 ///
 /// Depends on positions alone, and not on their scale. Vertices on no face
 /// widen the box, nothing else.
-std::vector<Rgb> PlaceColours(const Positions& positions);
+std::vector<Rgb> PlaceColors(const Positions& positions);
 
 }  // namespace isomatch

@@ -17,7 +17,7 @@ using Eigen::Vector3d;
 constexpr double kBlend = 0.02;
 // Width of the zone in which two chains share a point's motion.
 constexpr double kSkinBlend = 0.03;
-// Width over which neighbouring segments of a chain share a point.
+// Width over which neighboring segments of a chain share a point.
 constexpr double kSegmentBlend = 0.01;
 // exp of less than this is nothing beside 1.
 constexpr double kNegligible = -30;
@@ -34,7 +34,7 @@ enum ChainId : int {
   kHindRight,
 };
 
-// A point of the centre line from which a chain's nodes are interpolated.
+// A point of the center line from which a chain's nodes are interpolated.
 struct Knot {
   double x, y, z, radius;
 };
@@ -146,7 +146,7 @@ NearestSegment Nearest(const AnimalChain& chain, const Vector3d& point) {
   return nearest;
 }
 
-Vector3d CentreAt(const AnimalChain& chain, const NearestSegment& nearest) {
+Vector3d CenterAt(const AnimalChain& chain, const NearestSegment& nearest) {
   const Vector3d& start = chain.nodes[nearest.index];
   return start + nearest.beside.t * (chain.nodes[nearest.index + 1] - start);
 }
@@ -241,7 +241,7 @@ AnimalBody::Field AnimalBody::At(const Vector3d& point) const {
     const double weight = std::exp(exponent);
     weights += weight;
     gradient +=
-        weight * (point - CentreAt(chains_[c], nearest[c])).normalized();
+        weight * (point - CenterAt(chains_[c], nearest[c])).normalized();
   }
   return {least - kBlend * std::log(weights), gradient / weights};
 }
@@ -307,10 +307,10 @@ Vector3d AnimalPose::MoveWithChain(std::size_t c, const Vector3d& rest) const {
   const double t = position - static_cast<double>(i);
   const Frame& start = frames_[c][i];
   const Frame& end = frames_[c][i + 1];
-  const Vector3d centre =
+  const Vector3d center =
       chain.nodes[i] + t * (chain.nodes[i + 1] - chain.nodes[i]);
   return start.origin + t * (end.origin - start.origin) +
-         start.rotation.slerp(t, end.rotation) * (rest - centre);
+         start.rotation.slerp(t, end.rotation) * (rest - center);
 }
 
 Vector3d AnimalPose::operator()(const Vector3d& rest) const {

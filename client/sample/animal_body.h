@@ -7,9 +7,9 @@
 
 namespace isomatch {
 
-/// A part of the animal: a bent tube around a centre line.
+/// A part of the animal: a bent tube around a center line.
 struct AnimalChain {
-  /// Nodes of the centre line at rest, and the tube's radius there.
+  /// Nodes of the center line at rest, and the tube's radius there.
   std::vector<Eigen::Vector3d> nodes;
   std::vector<double> radii;
   /// The chain it grows from; -1 for the trunk.

@@ -11,7 +11,7 @@ namespace isomatch {
 /// A closed manifold triangle mesh that can be changed edge by edge.
 ///
 /// Half-edge 3 f + i runs from corner i of face f to the next corner; its twin
-/// is the same edge in the neighbouring face. Faces and vertices that are
+/// is the same edge in the neighboring face. Faces and vertices that are
 /// removed stay as holes in the numbering until ToMesh.
 class EditableMesh {
  public:

@@ -22,7 +22,7 @@ using Cell = Eigen::Matrix<std::int64_t, 3, 1>;
 constexpr double kMaxTurn = 0.25;
 
 // Kuhn's cut of a cube into 6 tetrahedra around its main diagonal; bit i of a
-// corner is its step along axis i. Neighbouring cubes agree on their faces.
+// corner is its step along axis i. Neighboring cubes agree on their faces.
 constexpr std::array<std::array<int, 4>, 6> kTetrahedra = {{{0, 1, 3, 7},
                                                             {0, 3, 2, 7},
                                                             {0, 2, 6, 7},

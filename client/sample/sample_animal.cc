@@ -23,7 +23,7 @@ namespace {
 using Eigen::Vector3d;
 using Cell = Eigen::Matrix<std::int64_t, 3, 1>;
 
-// Points in a grid of cells, sorted by cell, for nearest neighbours.
+// Points in a grid of cells, sorted by cell, for nearest neighbors.
 class PointGrid {
  public:
   explicit PointGrid(const Positions& points)
@@ -44,12 +44,12 @@ class PointGrid {
   // The nearest point, ties by smallest index.
   VertexIndex Nearest(const Vector3d& query) const {
     Best best{std::numeric_limits<double>::infinity(), kNoVertex};
-    const Cell centre = CellOf(query);
+    const Cell center = CellOf(query);
     // Whatever lies outside of ring r is further than r - 1 edges.
     for (std::int64_t ring = 0; ring <= size_.sum(); ++ring) {
       const double reached = static_cast<double>(ring - 1) * edge_;
       if (ring > 0 && best.squared <= reached * reached) break;
-      VisitRing(centre, ring, query, best);
+      VisitRing(center, ring, query, best);
     }
     return best.vertex;
   }
@@ -80,16 +80,16 @@ class PointGrid {
   }
 
   // The cells at a distance of `ring` cells in the maximum norm.
-  void VisitRing(const Cell& centre, std::int64_t ring, const Vector3d& query,
+  void VisitRing(const Cell& center, std::int64_t ring, const Vector3d& query,
                  Best& best) const {
-    const Cell low = (centre.array() - ring).max(0);
+    const Cell low = (center.array() - ring).max(0);
     const Cell high =
-        (centre + Cell::Constant(ring)).cwiseMin(size_ - Cell::Ones());
+        (center + Cell::Constant(ring)).cwiseMin(size_ - Cell::Ones());
     for (std::int64_t z = low[2]; z <= high[2]; ++z) {
       for (std::int64_t y = low[1]; y <= high[1]; ++y) {
         for (std::int64_t x = low[0]; x <= high[0]; ++x) {
           const Cell cell(x, y, z);
-          if ((cell - centre).cwiseAbs().maxCoeff() == ring) {
+          if ((cell - center).cwiseAbs().maxCoeff() == ring) {
             VisitCell(SlotOf(cell), query, best);
           }
         }

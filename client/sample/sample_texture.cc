@@ -70,7 +70,7 @@ MeshTexture SampleTexture(const Sample& sample, const std::string& library) {
 }
 
 Image SamplePicture(SamplePattern pattern) {
-  Image picture(kWidth, kHeight, kGrey);
+  Image picture(kWidth, kHeight, kGray);
   for (int row = 0; row < kHeight; ++row) {
     for (int column = 0; column < kWidth; ++column) {
       const Eigen::RowVector2d place((column + 0.5) / kWidth,

@@ -32,7 +32,7 @@ Eigen::RowVector2d SamplePlace(const Eigen::RowVector3d& rest, bool is_left);
 /// The pattern, 1024 x 512.
 Image SamplePicture(SamplePattern pattern);
 
-/// The pattern's colour at each vertex.
+/// The pattern's color at each vertex.
 Colors SampleColors(const Sample& sample, SamplePattern pattern);
 
 /// Text of the .mtl file that names the picture `png`.

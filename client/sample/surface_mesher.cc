@@ -190,7 +190,7 @@ class Remesher {
     mesh_.points = std::move(moved);
   }
 
-  // Towards the mean of the neighbours, within the surface.
+  // Toward the mean of the neighbors, within the surface.
   void Relax() {
     constexpr double kPart = 0.7;
     Move([&](int v) {

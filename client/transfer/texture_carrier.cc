@@ -321,13 +321,13 @@ class FaceCarrier {
     const auto position = [&](int i) {
       return mesh.positions.row(mesh.faces(face, i));
     };
-    const Eigen::RowVector3d centre =
+    const Eigen::RowVector3d center =
         (position(0) + position(1) + position(2)) / 3;
     double radius = 0;
     for (int i = 0; i < 3; ++i) {
-      radius = std::max(radius, (position(i) - centre).norm());
+      radius = std::max(radius, (position(i) - center).norm());
     }
-    return (centre - middle_).norm() <= reach_ + radius;
+    return (center - middle_).norm() <= reach_ + radius;
   }
 
   SurfacePoint NearestOn(const Sheet& sheet, const Corner& corner) const {

@@ -19,7 +19,7 @@ namespace isomatch {
 /// Vertices of X that lie nowhere.
 int CountUnmatched(absl::Span<const PrecisePoint> places);
 
-/// Colours, interpolated on faces; kNoColor for vertices that lie nowhere.
+/// Colors, interpolated on faces; kNoColor for vertices that lie nowhere.
 Colors CarryColors(const Colors& colors_y,
                    absl::Span<const PrecisePoint> places);
 

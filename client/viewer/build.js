@@ -24,7 +24,7 @@ const inScript = (code) => code.replaceAll('</script', '<\\/script');
 // An old-style script, which sets a global; it does not bundle.
 const draco = readFileSync(
     require.resolve('three/examples/jsm/libs/draco/draco_wasm_wrapper.js'), 'utf8');
-/** What their licences want to be in every copy, and so in every page. */
+/** What their licenses want to be in every copy, and so in every page. */
 const notices = ['three', 'three-mesh-bvh'].map((name) =>
     `${name}\n\n${readFileSync(join(here, 'node_modules', name, 'LICENSE'), 'utf8').trim()}`);
 notices.push('Draco decoder\n\nCopyright The Draco Authors, Apache License, Version 2.0');

@@ -34,18 +34,17 @@ std::string Base64(absl::Span<const T> values) {
       reinterpret_cast<const char*>(values.data()), values.size() * sizeof(T)));
 }
 
-std::string Base64(absl::Span<const Rgb> colours) {
+std::string Base64(absl::Span<const Rgb> colors) {
   static_assert(sizeof(Rgb) == 3);
-  return Base64(
-      absl::MakeConstSpan(colours.data()->data(), 3 * colours.size()));
+  return Base64(absl::MakeConstSpan(colors.data()->data(), 3 * colors.size()));
 }
 
 absl::StatusOr<Json> MeshJson(const NamedMesh& named) {
-  const TriangleMesh normalised = {NormalisedPositions(named.mesh),
+  const TriangleMesh normalized = {NormalizedPositions(named.mesh),
                                    named.mesh.faces};
   ISOMATCH_ASSIGN_OR_RETURN(
       const EncodedMesh encoded,
-      EncodeDraco(normalised, {.position_bits = kPositionBits}));
+      EncodeDraco(normalized, {.position_bits = kPositionBits}));
   const bool by_id = encoded.vertex_order == VertexOrder::kIdAttribute;
   return Json{{"name", named.name},
               {"vertices", named.mesh.num_vertices()},
@@ -65,7 +64,7 @@ std::pair<float, float> RangeOf(const ScalarLayer& layer) {
   return {*least, *greatest};
 }
 
-std::string Quantised(const std::vector<float>& values,
+std::string Quantized(const std::vector<float>& values,
                       std::pair<float, float> range) {
   std::vector<std::uint16_t> steps;
   steps.reserve(values.size());
@@ -88,8 +87,8 @@ Json LayerJson(const ScalarLayer& layer) {
           {"high", layer.high},
           {"palette", Base64(absl::MakeConstSpan(layer.palette))},
           {"range", {range.first, range.second}},
-          {"x", Quantised(layer.on_x, range)},
-          {"y", Quantised(layer.on_y, range)}};
+          {"x", Quantized(layer.on_x, range)},
+          {"y", Quantized(layer.on_y, range)}};
 }
 
 Json PreciseJson(const PairView& view) {
@@ -157,7 +156,7 @@ absl::StatusOr<std::string> FormatPageData(const PairView& view,
                      {"y", std::move(y)},
                      {"map", Base64(absl::MakeConstSpan(view.y_from_x))},
                      {"precise", PreciseJson(view)},
-                     {"colours", Base64(absl::MakeConstSpan(view.colours_y))},
+                     {"colors", Base64(absl::MakeConstSpan(view.colors_y))},
                      {"layers", std::move(layers)}};
   // File names need not be UTF-8, and must not end the script element.
   return absl::StrReplaceAll(

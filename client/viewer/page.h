@@ -10,8 +10,8 @@ namespace isomatch {
 
 /// What a page shows first.
 struct PageStart {
-  /// "colours", or the id of a layer.
-  std::string layer = "colours";
+  /// "colors", or the id of a layer.
+  std::string layer = "colors";
   /// "plain", "stripes" or "checker".
   std::string pattern = "plain";
 };
@@ -23,11 +23,11 @@ absl::string_view PageTemplate();
 ///
 /// - `title`, `summary`, `layer` and `pattern` (shown first), `figures`,
 ///   `warnings`;
-/// - `x`, `y`: `name`, `vertices`, `faces`, `draco` (NormalisedPositions, 16
+/// - `x`, `y`: `name`, `vertices`, `faces`, `draco` (NormalizedPositions, 16
 /// bits
 ///   a coordinate), `order` ("id" or "decoded", see core/io/draco_mesh.h);
 /// - `rotation`, nine numbers row by row;
-/// - `map`: y_from_x as little-endian int32; `colours`: 3 bytes a vertex of Y;
+/// - `map`: y_from_x as little-endian int32; `colors`: 3 bytes a vertex of Y;
 /// - `precise`, null unless the map is: `corners`, three int32 a vertex of X,
 ///   and `weights`, three uint16, 65535 for 1;
 /// - `layers`: `id`, `label`, `description`, `low`, `high`, `palette` (256 x 3

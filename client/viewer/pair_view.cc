@@ -28,14 +28,14 @@ int Flatter(const Eigen::RowVector3d& extents, int first, int second) {
   return extents[first] <= extents[second] ? first : second;
 }
 
-/// The colour at a place between the vertices of a face.
+/// The color at a place between the vertices of a face.
 Rgb Mixed(const PairView& view, const SurfacePoint& point) {
   Rgb mixed;
   for (std::size_t channel = 0; channel < mixed.size(); ++channel) {
     double sum = 0;
     for (int i = 0; i < 3; ++i) {
       const VertexIndex y = view.y.mesh.faces(point.face, i);
-      sum += point.weights[i] * view.colours_y[y][channel];
+      sum += point.weights[i] * view.colors_y[y][channel];
     }
     mixed[channel] = static_cast<std::uint8_t>(std::lround(sum));
   }
@@ -62,7 +62,7 @@ std::vector<float> MeanOverImages(absl::Span<const float> on_x,
 
 }  // namespace
 
-Positions NormalisedPositions(const TriangleMesh& mesh) {
+Positions NormalizedPositions(const TriangleMesh& mesh) {
   const Eigen::RowVector3d middle = (mesh.positions.colwise().minCoeff() +
                                      mesh.positions.colwise().maxCoeff()) /
                                     2;
@@ -105,35 +105,35 @@ std::vector<float> CarryToY(absl::Span<const float> on_x,
   return on_y;
 }
 
-std::vector<Rgb> ColoursOfX(const PairView& view) {
-  if (view.colours_x) return *view.colours_x;
-  std::vector<Rgb> colours;
-  colours.reserve(view.y_from_x.size());
+std::vector<Rgb> ColorsOfX(const PairView& view) {
+  if (view.colors_x) return *view.colors_x;
+  std::vector<Rgb> colors;
+  colors.reserve(view.y_from_x.size());
   for (std::size_t x = 0; x < view.y_from_x.size(); ++x) {
     const VertexIndex y = view.y_from_x[x];
     if (y == kNoVertex) {
-      colours.push_back(kGrey);
+      colors.push_back(kGray);
     } else if (view.precise.empty()) {
-      colours.push_back(view.colours_y[y]);
+      colors.push_back(view.colors_y[y]);
     } else {
-      colours.push_back(Mixed(view, view.precise[x]));
+      colors.push_back(Mixed(view, view.precise[x]));
     }
   }
-  return colours;
+  return colors;
 }
 
-std::vector<Rgb> LayerColours(const ScalarLayer& layer,
-                              absl::Span<const float> values) {
-  std::vector<Rgb> colours;
-  colours.reserve(values.size());
+std::vector<Rgb> LayerColors(const ScalarLayer& layer,
+                             absl::Span<const float> values) {
+  std::vector<Rgb> colors;
+  colors.reserve(values.size());
   for (const float value : values) {
     const double unit = (value - layer.low) / (layer.high - layer.low);
-    colours.push_back(
+    colors.push_back(
         std::isnan(value)
-            ? kGrey
+            ? kGray
             : layer.palette[std::lround(255 * std::clamp(unit, 0.0, 1.0))]);
   }
-  return colours;
+  return colors;
 }
 
 const ScalarLayer* FindLayer(const PairView& view, const std::string& id) {

@@ -22,7 +22,7 @@ struct ScalarLayer {
   std::string id = {};
   std::string label = {};
   std::string description = {};
-  /// Ends of the scale; numbers beyond have the colours of the ends.
+  /// Ends of the scale; numbers beyond have the colors of the ends.
   double low = 0;
   double high = 1;
   Palette palette = {};
@@ -51,9 +51,9 @@ struct PairView {
   /// Where on the faces of Y the vertices of X go, when that is known: one for
   /// each, whose heaviest vertices are y_from_x. Empty otherwise.
   std::vector<SurfacePoint> precise = {};
-  std::vector<Rgb> colours_y;
-  /// X's own, in pictures; not set: each vertex has the colour of its image.
-  std::optional<std::vector<Rgb>> colours_x;
+  std::vector<Rgb> colors_y;
+  /// X's own, in pictures; not set: each vertex has the color of its image.
+  std::optional<std::vector<Rgb>> colors_x;
   std::vector<ScalarLayer> layers;
   /// Rows lead right, up and to the viewer, in the axes of the files.
   Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
@@ -63,7 +63,7 @@ struct PairView {
 
 /// Where vertices lie in pages and pictures: the box's middle is the origin,
 /// the surface's area 1.
-Positions NormalisedPositions(const TriangleMesh& mesh);
+Positions NormalizedPositions(const TriangleMesh& mesh);
 
 /// Returns PairView::rotation. Up is axis `up` (0 to 2), else the files' y
 /// axis, or z when the shapes are flattest along y. The viewer looks along the
@@ -78,12 +78,12 @@ std::vector<float> CarryToY(absl::Span<const float> on_x,
                             absl::Span<const VertexIndex> y_from_x,
                             const TriangleMesh& mesh_y);
 
-/// colours_x, else those of the images.
-std::vector<Rgb> ColoursOfX(const PairView& view);
+/// colors_x, else those of the images.
+std::vector<Rgb> ColorsOfX(const PairView& view);
 
-/// The colours of a layer; kGrey where it has no number.
-std::vector<Rgb> LayerColours(const ScalarLayer& layer,
-                              absl::Span<const float> values);
+/// The colors of a layer; kGray where it has no number.
+std::vector<Rgb> LayerColors(const ScalarLayer& layer,
+                             absl::Span<const float> values);
 
 /// The layer of that id; nullptr for none.
 const ScalarLayer* FindLayer(const PairView& view, const std::string& id);

@@ -38,7 +38,7 @@ Eigen::Matrix3d CameraRotation(const Eigen::Matrix3d& rotation) {
 
 /// Positions as right, up, to the viewer, around the middle of what is seen.
 Positions Seen(const TriangleMesh& mesh, const Eigen::Matrix3d& camera) {
-  Positions seen = NormalisedPositions(mesh) * camera.transpose();
+  Positions seen = NormalizedPositions(mesh) * camera.transpose();
   const Eigen::RowVector3d middle =
       (seen.colwise().minCoeff() + seen.colwise().maxCoeff()) / 2;
   seen.rowwise() -= middle;
@@ -96,7 +96,7 @@ Positions PlacesOfX(const PairView& view, const Positions& places_y) {
 /// One shape, and what its half of the picture shows of it.
 struct Half {
   const TriangleMesh& mesh;
-  std::vector<Rgb> colours;
+  std::vector<Rgb> colors;
   Positions places;
   Positions seen;
 };
@@ -107,7 +107,7 @@ Image DrawHalf(const Half& half, const Eigen::Matrix3d& camera, double scale,
       .points = OnScreen(half.seen, scale, image.width, image.height),
       .faces = half.mesh.faces,
       .normals = VertexNormals(half.mesh) * camera.transpose(),
-      .colours = half.colours,
+      .colors = half.colors,
       .places = half.places};
   DrawSurface(surface, pattern, image);
   return HalfSize(image);
@@ -131,14 +131,13 @@ Positions PatternPlaces(const TriangleMesh& mesh) {
 
 Image DrawPair(const PairView& view, const PictureOptions& options) {
   const ScalarLayer* layer = FindLayer(view, options.layer);
-  assert(layer != nullptr || options.layer == "colours");
+  assert(layer != nullptr || options.layer == "colors");
   const Eigen::Matrix3d camera = CameraRotation(view.rotation);
   const Positions places_y = PatternPlaces(view.y.mesh);
   const Half halves[] = {
-      {view.x.mesh,
-       layer ? LayerColours(*layer, layer->on_x) : ColoursOfX(view),
+      {view.x.mesh, layer ? LayerColors(*layer, layer->on_x) : ColorsOfX(view),
        PlacesOfX(view, places_y), Seen(view.x.mesh, camera)},
-      {view.y.mesh, layer ? LayerColours(*layer, layer->on_y) : view.colours_y,
+      {view.y.mesh, layer ? LayerColors(*layer, layer->on_y) : view.colors_y,
        places_y, Seen(view.y.mesh, camera)}};
   const int half_width = options.width / 2;
   const int wide = kSupersampling * half_width;

@@ -5,7 +5,7 @@
 #include "absl/status/status.h"
 #include "client/picture/image.h"
 #include "client/viewer/pair_view.h"
-#include "client/viewer/rasteriser.h"
+#include "client/viewer/rasterizer.h"
 
 namespace isomatch {
 
@@ -16,8 +16,8 @@ struct PictureOptions {
   /// Pixels, kMinSide to kMaxSide each.
   int width = 1600;
   int height = 800;
-  /// "colours", or the id of a layer of the view.
-  std::string layer = "colours";
+  /// "colors", or the id of a layer of the view.
+  std::string layer = "colors";
   Pattern pattern = Pattern::kPlain;
 };
 

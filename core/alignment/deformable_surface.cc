@@ -14,12 +14,12 @@ namespace {
 
 constexpr double kLeastWeight = 0.01;
 constexpr double kLargestWeight = 10;
-/// Of TurnTowardsBest; a rotation that is nearly right is right after two or
+/// Of TurnTowardBest; a rotation that is nearly right is right after two or
 /// three.
 constexpr int kMaxTurns = 6;
 constexpr double kSmallTurn = 1e-3;
 
-/// The rotation R that maximises trace(R^T covariance).
+/// The rotation R that maximizes trace(R^T covariance).
 Eigen::Matrix3d BestRotation(const Eigen::Matrix3d& covariance) {
   const Eigen::JacobiSVD<Eigen::Matrix3d> svd(
       covariance, Eigen::ComputeFullU | Eigen::ComputeFullV);
@@ -28,10 +28,10 @@ Eigen::Matrix3d BestRotation(const Eigen::Matrix3d& covariance) {
   return left * svd.matrixV().transpose();
 }
 
-/// Turns a rotation towards the best one (Mueller, Bender, Chentanez, Macklin:
+/// Turns a rotation toward the best one (Mueller, Bender, Chentanez, Macklin:
 /// A Robust Method to Extract the Rotational Part of Deformations, 2016).
-void TurnTowardsBest(const Eigen::Matrix3d& covariance,
-                     Eigen::Matrix3d* rotation) {
+void TurnTowardBest(const Eigen::Matrix3d& covariance,
+                    Eigen::Matrix3d* rotation) {
   for (int turn = 0; turn < kMaxTurns; ++turn) {
     Eigen::Vector3d axis = Eigen::Vector3d::Zero();
     double alignment = 0;
@@ -85,7 +85,7 @@ absl::Status DeformableSurface::SetPull(const Eigen::VectorXd& pull,
   cholesky_.factorize(system);
   if (cholesky_.info() == Eigen::Success) return absl::OkStatus();
   return absl::InternalError(
-      absl::StrCat("Cholesky factorisation of the elastic alignment failed, ",
+      absl::StrCat("Cholesky factorization of the elastic alignment failed, ",
                    pull.size(), " vertices, stiffness ", stiffness));
 }
 
@@ -96,7 +96,7 @@ void DeformableSurface::FitRotation(VertexIndex v) {
         (current_.col(v) - current_.col(edge.to)) * edge.weighted.transpose();
   }
   if (has_rotations_) {
-    TurnTowardsBest(covariance, &rotations_[v]);
+    TurnTowardBest(covariance, &rotations_[v]);
   } else {
     rotations_[v] = BestRotation(covariance);
   }

@@ -22,7 +22,7 @@ namespace isomatch {
 /// vertex. w are cotangent weights, held within [0.01, 10] so that slivers
 /// neither push nor lock.
 ///
-/// Each Step moves V towards the minimum of
+/// Each Step moves V toward the minimum of
 ///
 ///   sum_i pull_i |V_i - target_i|^2 + stiffness 2 E(V).
 ///
@@ -34,7 +34,7 @@ class DeformableSurface {
 
   /// Fixes stiffness (> 0; a length squared times area per area: in units of
   /// area when pull is mass) and pulls (n, >= 0, not all 0 on any component),
-  /// and factorises. INTERNAL when that fails. Time as a sparse Cholesky.
+  /// and factorizes. INTERNAL when that fails. Time as a sparse Cholesky.
   absl::Status SetPull(const Eigen::VectorXd& pull, double stiffness);
 
   /// One alternation: best rotations for *positions, then best positions for

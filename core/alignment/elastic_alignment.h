@@ -45,7 +45,7 @@ struct AlignmentScore {
 };
 
 /// Refines a dense map by laying the surface of X elastically on that of Y: X
-/// bends freely and stretches under resistance towards where the map sends it;
+/// bends freely and stretches under resistance toward where the map sends it;
 /// the map is then found anew as the most alike point in space, normal and
 /// eigenfunctions (carried over by the functional map of the current map), and
 /// so on. Eigenfunctions keep limbs apart that touch in space; positions and
@@ -63,7 +63,7 @@ class ElasticAlignment {
   void Fix(absl::Span<const VertexMatch> landmarks);
 
   /// `rounds` of deforming and matching anew at one stiffness, a fraction of
-  /// the area (> 0). INTERNAL: a factorisation failed. CANCELLED after `stop`.
+  /// the area (> 0). INTERNAL: a factorization failed. CANCELLED after `stop`.
   /// Time O(rounds n basis^2) and a sparse Cholesky.
   absl::Status Run(double stiffness, int rounds, const std::stop_token& stop);
 

@@ -43,7 +43,7 @@ struct Groups {
 
   PointColumns centers;
   Eigen::VectorXf radii;
-  Eigen::VectorXf norms;  ///< squared, of the centres
+  Eigen::VectorXf norms;  ///< squared, of the centers
 };
 
 /// Nearest points of one block of queries.
@@ -71,7 +71,7 @@ class BlockSearch {
   void SearchGroups(const Eigen::Ref<const PointColumns>& queries,
                     Eigen::Index first, Eigen::Index width,
                     VertexIndex* nearest) {
-    // Squared distances of the queries from the groups' centres.
+    // Squared distances of the queries from the groups' centers.
     squared_.noalias() =
         -2 * groups_.centers.middleCols(first, width).transpose() * queries;
     squared_.colwise() += groups_.norms.segment(first, width);

@@ -23,7 +23,7 @@ static_assert(kAzimuths * kElevations * kShells * kCosines == kShotSize);
 /// Axes as columns.
 using Frame = Eigen::Matrix3d;
 
-/// The axes of the neighbourhood, weighted towards its middle, each pointing to
+/// The axes of the neighborhood, weighted toward its middle, each pointing to
 /// where more of it lies; z along the normals.
 Frame LocalFrame(const DescribedSurface& surface,
                  const std::vector<ConnectedBall::Member>& ball,
@@ -54,7 +54,7 @@ Frame LocalFrame(const DescribedSurface& surface,
   return frame;
 }
 
-/// Two neighbouring bins and the share of the second.
+/// Two neighboring bins and the share of the second.
 struct Bins {
   int first;
   int second;

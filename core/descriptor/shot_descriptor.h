@@ -32,7 +32,7 @@ inline constexpr int kShotSize = 352;
 /// column of length 1: how the surface nearer than `radius` (mesh units) turns,
 /// seen from a frame of its own. 8 azimuth x 2 elevation x 2 distance cells, in
 /// each a histogram of the cosine between normals and the frame's z axis in 11
-/// bins, all shared out linearly among neighbouring bins.
+/// bins, all shared out linearly among neighboring bins.
 ///
 /// Unlike the original it weighs vertices by area, so that the density of a
 /// mesh does not show, and looks at the connected part of the ball only, so

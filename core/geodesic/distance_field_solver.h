@@ -57,7 +57,7 @@ class DistanceFieldSolver {
              Workspace* workspace) const;
 
   /// Lowers nearest[v] to the distance from `source` where that is smaller;
-  /// visits only the vertices it improves and their neighbours.
+  /// visits only the vertices it improves and their neighbors.
   /// REQUIRES: nearest.size() == n.
   void Lower(VertexIndex source, absl::Span<float> nearest,
              Workspace* workspace) const;

@@ -39,7 +39,7 @@ Lanes All(float value) { return Lanes{} + value; }
 /// Where b is not a number, a.
 Lanes Min(Lanes a, Lanes b) { return b < a ? b : a; }
 
-/// Exactly rounded. (std::sqrt in a loop is not vectorised, for errno.)
+/// Exactly rounded. (std::sqrt in a loop is not vectorized, for errno.)
 Lanes Sqrt(Lanes lanes) {
 #if defined(__AVX__)
   return _mm256_sqrt_ps(lanes);

@@ -41,7 +41,7 @@ class FieldSweeps {
     std::vector<float> distances;     ///< n x kLanes
     std::vector<VertexIndex> order;   ///< by edges from the first source
     std::vector<std::int32_t> edges;  ///< from the first source, -1: none
-    std::vector<char> waiting;        ///< whether a neighbour changed
+    std::vector<char> waiting;        ///< whether a neighbor changed
   };
 
   VertexIndex num_vertices() const {

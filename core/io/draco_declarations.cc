@@ -39,13 +39,13 @@ bool AddDeclaredValues(draco::DecoderBuffer& buffer, std::int64_t* stride) {
   std::uint32_t attributes = 0;
   if (!draco::DecodeVarint(&attributes, &buffer)) return false;
   for (std::uint32_t i = 0; i < attributes; ++i) {
-    // Semantic, data type, components, whether normalised.
+    // Semantic, data type, components, whether normalized.
     std::array<std::uint8_t, 4> declared;
     std::uint32_t id = 0;
     if (!buffer.Decode(&declared) || !draco::DecodeVarint(&id, &buffer)) {
       return false;
     }
-    const auto [semantic, data_type, components, normalised] = declared;
+    const auto [semantic, data_type, components, normalized] = declared;
     if (data_type == draco::DT_INVALID || data_type >= draco::DT_TYPES_COUNT) {
       return false;
     }

@@ -236,7 +236,7 @@ absl::StatusOr<draco::AttributeValueIndex> ValueIndex(
 absl::StatusOr<Positions> ReadPositions(const draco::Mesh& mesh) {
   const draco::PointAttribute* attribute =
       mesh.GetNamedAttribute(draco::GeometryAttribute::POSITION);
-  // Draco would read bytes other than 0 and 1 as bool: undefined behaviour.
+  // Draco would read bytes other than 0 and 1 as bool: undefined behavior.
   if (attribute == nullptr || attribute->num_components() != 3 ||
       attribute->data_type() == draco::DT_BOOL) {
     return absl::InvalidArgumentError(

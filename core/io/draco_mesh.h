@@ -62,7 +62,7 @@ struct EncodedMesh {
 };
 
 struct DracoOptions {
-  /// Bits of quantisation of each coordinate, 8 to 30; 0 keeps every bit of
+  /// Bits of quantization of each coordinate, 8 to 30; 0 keeps every bit of
   /// the single-precision coordinates.
   int position_bits = 0;
 };

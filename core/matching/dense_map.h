@@ -25,7 +25,7 @@ struct DenseMapSurface {
 /// closeness to all matched vertices is most alike,
 ///   argmin_y sum_i (k_X(x, x_i) - k_Y(y, y_i))^2,
 /// ties by smallest index: Eq. 8 over the sparse matches with squares for
-/// magnitudes, which makes it a nearest neighbour search. Dense, not injective.
+/// magnitudes, which makes it a nearest neighbor search. Dense, not injective.
 /// Takes the place of the paper's second stage in the default profile.
 ///
 /// REQUIRES: at least one match. Large surfaces are searched as

@@ -19,7 +19,7 @@ class CandidateSearch {
   /// Candidates lie in the environments of the best basis points.
   CandidateSearch(const BasisPoints& basis, const PointPool& pool);
 
-  /// Returns the unmatched point of the other side of `from` that minimises
+  /// Returns the unmatched point of the other side of `from` that minimizes
   /// Eq. 8 for `point` of `from`, ties by smallest index; -1 when all points
   /// there are matched.
   int Best(const Matching& matching, Side from, int point) const;

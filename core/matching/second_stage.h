@@ -50,11 +50,11 @@ struct SecondStageOptions {
 };
 
 /// Second-stage insertion (paper, Section 3.3.2): vertices of X in random
-/// order, each matched to the vertex that minimises Eq. 8 over the matched
+/// order, each matched to the vertex that minimizes Eq. 8 over the matched
 /// vertices near it, among the unmatched vertices near their images; where
 /// there is none, the environments grow by 3 basis points at a time.
 ///
-/// Injective afterwards if it was before. `progress`, when set, is called with
+/// Injective afterward if it was before. `progress`, when set, is called with
 /// a fraction in (0, 1]. CANCELLED after `stop`.
 /// Time O(n (max_candidates + sqrt(n)) max_matched |Z|).
 absl::Status RunSecondStage(const HashedShape& shape_x,

@@ -16,7 +16,7 @@
 namespace isomatch {
 namespace {
 
-/// Vertices at the rim of some face's neighbourhood: those that may be one end
+/// Vertices at the rim of some face's neighborhood: those that may be one end
 /// of a seam.
 std::vector<char> OnBoundary(const TriangleMesh& mesh) {
   const EdgeFaces edges(mesh.faces);

@@ -13,7 +13,7 @@ namespace isomatch {
 struct CleanMesh {
   /// Every vertex lies on a face, no two vertices of a seam coincide, no face
   /// repeats a vertex or another face; faces agree in orientation with their
-  /// neighbours and point outwards (each component encloses a positive volume).
+  /// neighbors and point outwards (each component encloses a positive volume).
   TriangleMesh mesh;
   /// Clean vertex of each original one; kNoVertex for one on no face.
   VertexMap clean_from_original;

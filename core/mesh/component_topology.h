@@ -20,7 +20,7 @@ struct ComponentTopology {
   std::int64_t euler_characteristic = 0;
   /// At most two faces meet at each edge, and one fan of them at each vertex.
   bool is_manifold = true;
-  /// Neighbouring faces agree in orientation.
+  /// Neighboring faces agree in orientation.
   bool is_oriented = true;
 
   /// Number of handles, (2 - euler_characteristic - boundary_loops) / 2; none

@@ -22,16 +22,16 @@ class ConnectedBall {
  public:
   struct Member {
     VertexIndex vertex;
-    double distance;  ///< from the centre, straight, mesh units
+    double distance;  ///< from the center, straight, mesh units
   };
 
   /// `positions`: one vertex a column.
   ConnectedBall(const Eigen::Matrix3Xd& positions, const VertexStars& stars);
 
-  /// The vertices nearer than `radius`, the centre first, in an order that
+  /// The vertices nearer than `radius`, the center first, in an order that
   /// depends on the mesh alone. Of more than 1,000, or a quarter of the shape
   /// where that is more, only so many, to which the fewest edges lead. Valid
-  /// until the next call. Time O(members and their neighbours).
+  /// until the next call. Time O(members and their neighbors).
   const std::vector<Member>& Around(VertexIndex center, double radius);
 
  private:

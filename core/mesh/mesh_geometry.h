@@ -12,7 +12,7 @@ double FaceArea(const TriangleMesh& mesh, VertexIndex face);
 /// Sum of the areas of all faces, squared mesh units.
 double SurfaceArea(const TriangleMesh& mesh);
 
-/// Returns n x 3 unit vectors: at each vertex the normalised sum of its faces'
+/// Returns n x 3 unit vectors: at each vertex the normalized sum of its faces'
 /// normals weighted by area. Zero where the faces cancel out or there are none.
 Positions VertexNormals(const TriangleMesh& mesh);
 

@@ -42,13 +42,13 @@ struct PointsOnSurface {
 
 /// Returns the vertex of Y to which edges lead downhill, ever nearer to the
 /// point of X's `vertex`, from `start`, or from the images in `before` of its
-/// neighbours where one is nearer. `before` may be empty.
+/// neighbors where one is nearer. `before` may be empty.
 VertexIndex DescendOverEdges(const PointsOnSurface& x, const PointsOnSurface& y,
                              VertexIndex vertex, VertexIndex start,
                              const VertexMap& before);
 
 /// DescendOverEdges of every vertex, from its own image in `before` and those
-/// of its neighbours. CANCELLED after `stop`. Time O(n) for maps that are
+/// of its neighbors. CANCELLED after `stop`. Time O(n) for maps that are
 /// nearly right.
 absl::StatusOr<VertexMap> DescendFromMap(const PointsOnSurface& x,
                                          const PointsOnSurface& y,
@@ -59,7 +59,7 @@ absl::StatusOr<VertexMap> DescendFromMap(const PointsOnSurface& x,
 ///
 /// Up to 10^8 pairs of vertices all are compared. Beyond, samples of both are,
 /// and every vertex of X then descends over Y's edges from where its sample
-/// went, and once more from where its neighbours arrived: exact where distance
+/// went, and once more from where its neighbors arrived: exact where distance
 /// has one valley around there, as it has for smooth functions. Time
 /// O((n_X + n_Y) rows) with a constant for the samples.
 ///

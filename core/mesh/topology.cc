@@ -117,7 +117,7 @@ std::vector<int> LargeComponents(const TriangleMesh& mesh,
 
 namespace {
 
-/// The edges opposite v join its neighbours; a fan is one part of them.
+/// The edges opposite v join its neighbors; a fan is one part of them.
 bool HasOneFan(const TriangleMesh& mesh, const VertexStars& stars,
                VertexIndex v) {
   const auto neighbors = stars.Neighbors(v);

@@ -24,7 +24,7 @@ constexpr int kRoundsPerStiffness = 2;
 /// Scales of the wavelet filter.
 constexpr int kWaveletScales = 6;
 /// How far DescriptorOffsets looks, and for one of how many vertices: what it
-/// finds is averaged over neighbourhoods.
+/// finds is averaged over neighborhoods.
 constexpr double kOffsetReach = 0.12;
 constexpr std::int64_t kOffsetEvery = 3;
 /// A descriptor's ball holds some rings of the coarser mesh.

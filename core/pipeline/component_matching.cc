@@ -65,7 +65,7 @@ Part ExtractPart(const MeshParts& parts, int position) {
 struct PartShape {
   double log_area;           ///< of its fraction of all large parts
   double log_length;         ///< of the longest distance found over sqrt(area)
-  Eigen::RowVector3d place;  ///< centre, in sizes of the whole
+  Eigen::RowVector3d place;  ///< center, in sizes of the whole
 };
 
 absl::StatusOr<std::vector<PartShape>> ShapesOf(const MeshParts& parts,

@@ -99,7 +99,7 @@ struct MatchOptions {
   double second_stage_fraction = 0;
   /// 3.4: fraction of worst contributors (Eq. 9) swapped at temperature 0.
   double final_swap_fraction = 0.2;
-  /// Dense map by nearest neighbours in closeness space of all sparse matches.
+  /// Dense map by nearest neighbors in closeness space of all sparse matches.
   bool dense_from_closeness = true;
 
   /// ZoomOut: sizes of the spectral bases. zoomout_end 0 leaves it out.

@@ -34,7 +34,7 @@ enum class Stage {
   kFirstInsertion,   ///< insertion and annealing (3.3.1, 3.4)
   kSecondInsertion,  ///< insertion to 70 % (3.3.2)
   kFinalSwapping,    ///< zero-temperature swaps of the worst matches (3.4)
-  kDense,            ///< nearest neighbours in closeness space
+  kDense,            ///< nearest neighbors in closeness space
   kZoomOut,          ///< spectral refinement
   kChoice,           ///< distinct maps laid out coarsely, one chosen
   kAlignment,        ///< elastic alignment of the chosen one
@@ -175,13 +175,13 @@ struct Correspondence {
 /// INVALID_ARGUMENT: a mesh, landmark or option is wrong; the message names
 /// field, value and what was expected. CANCELLED: `stop` was requested; the
 /// call returns within a quarter of a second, but for meshes of a million
-/// vertices, which are cleaned in few steps, and the sparse factorisation of
+/// vertices, which are cleaned in few steps, and the sparse factorization of
 /// large ones without decimation, which is not interrupted. RESOURCE_EXHAUSTED:
 /// a mesh cannot be decimated and needs more than options.memory_limit_bytes.
 /// INTERNAL: a numerical step failed.
 ///
 /// Time and memory O(n) beyond MatchOptions::solved_vertices. Without that time
-/// O(n log n sqrt(n)) up to the nearest neighbours, memory O(n sqrt(n)).
+/// O(n log n sqrt(n)) up to the nearest neighbors, memory O(n sqrt(n)).
 /// EstimateMemoryBytes bounds the memory.
 absl::StatusOr<Correspondence> Match(const TriangleMesh& mesh_x,
                                      const TriangleMesh& mesh_y,

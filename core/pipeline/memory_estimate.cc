@@ -96,7 +96,7 @@ ShapeBytes BytesOf(MeshSize mesh, std::int64_t num_landmarks,
       options.alignment_rounds > 0
           ? 4 * kShotSize * std::min(n, double(kDescribedVertices)) + 4 * n
           : 0;
-  // Two alignments at once: the best yet and the one under judgement.
+  // Two alignments at once: the best yet and the one under judgment.
   const double alignments = options.alignment_rounds > 0 ? 2 : 0;
   bytes.features = alignments * 4 * n * (count + 6);
   bytes.surface = alignments *

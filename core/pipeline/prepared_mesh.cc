@@ -91,7 +91,7 @@ absl::Status StandInForLeftOut(const Positions& positions, Selected* selected,
   return absl::OkStatus();
 }
 
-void Normalise(WorkingMesh* working) {
+void Normalize(WorkingMesh* working) {
   Positions& positions = working->mesh.positions;
   const Eigen::RowVector3d center = positions.colwise().mean();
   positions.rowwise() -= center;
@@ -125,7 +125,7 @@ absl::StatusOr<WorkingMesh> MakeWorkingMesh(CleanMesh clean,
         " vertices of small components follow the nearest larger one"));
   }
   ISOMATCH_RETURN_IF_ERROR(CheckNotCancelled(stop));
-  Normalise(&working);
+  Normalize(&working);
   working.normals = VertexNormals(working.mesh);
   working.stars = VertexStars(working.mesh);
   return working;

@@ -25,7 +25,7 @@ namespace isomatch {
 /// One mesh as the method works on it, and the way back to the user's
 /// numbering.
 struct WorkingMesh {
-  /// Clean (core/mesh/clean_mesh.h), only the components that matter, centred
+  /// Clean (core/mesh/clean_mesh.h), only the components that matter, centered
   /// at the origin and of surface area 1, renumbered in SpatialOrder.
   TriangleMesh mesh;
   Positions normals;
@@ -50,7 +50,7 @@ struct CoarseLevel {
 };
 
 /// Returns a mesh made ready: without components of less than a twentieth of
-/// the largest one's area, normalised. Time O(n log n).
+/// the largest one's area, normalized. Time O(n log n).
 absl::StatusOr<WorkingMesh> MakeWorkingMesh(CleanMesh clean,
                                             const std::stop_token& stop);
 

@@ -10,7 +10,7 @@ namespace isomatch {
 /// The Laplace-Beltrami operator of piecewise linear functions.
 struct CotanLaplacian {
   /// n x n, symmetric positive semi-definite: L_ij = -(cot a_ij + cot b_ij) / 2
-  /// for neighbours, rows sum to 0. No unit.
+  /// for neighbors, rows sum to 0. No unit.
   Eigen::SparseMatrix<double> stiffness;
   /// n, lumped: a third of the area around each vertex, squared mesh units.
   /// Positive; its sum is the surface area, but for the floor below.

@@ -14,7 +14,7 @@ namespace {
 
 /// Of the largest diagonal entry of the normal equations, so that a few matches
 /// still determine a map.
-constexpr double kRegularisation = 1e-9;
+constexpr double kRegularization = 1e-9;
 /// The matches are summed up in at most this many parts, at the same time.
 constexpr Eigen::Index kParts = 16;
 /// Rows gathered at a time.
@@ -89,7 +89,7 @@ Eigen::MatrixXd FunctionalMapFromVertexMap(
   // With every vertex matched the normal matrix is I.
   if (dense) return sums[0].right;
   Eigen::MatrixXd& normal = sums[0].normal;
-  normal.diagonal().array() += kRegularisation * normal.diagonal().maxCoeff();
+  normal.diagonal().array() += kRegularization * normal.diagonal().maxCoeff();
   return normal.ldlt().solve(sums[0].right);
 }
 

@@ -18,7 +18,7 @@ absl::StatusOr<Eigen::VectorXd> SmoothedMeanCurvature(
   const Eigen::SimplicialLLT<Eigen::SparseMatrix<double>> cholesky(diffusion);
   if (cholesky.info() != Eigen::Success) {
     return absl::InternalError(
-        absl::StrCat("Cholesky factorisation of the diffusion failed, ",
+        absl::StrCat("Cholesky factorization of the diffusion failed, ",
                      positions.rows(), " vertices, radius ", radius));
   }
   return cholesky.solve(integrated);

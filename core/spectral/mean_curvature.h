@@ -14,7 +14,7 @@ namespace isomatch {
 /// about that radius and not of the triangulation. 1 on the unit sphere, 0 in
 /// the plane.
 ///
-/// INTERNAL when the factorisation fails. Time as a sparse Cholesky.
+/// INTERNAL when the factorization fails. Time as a sparse Cholesky.
 absl::StatusOr<Eigen::VectorXd> SmoothedMeanCurvature(
     const CotanLaplacian& laplacian, const Positions& positions,
     const Positions& normals, double radius);

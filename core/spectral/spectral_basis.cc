@@ -21,14 +21,14 @@ namespace {
 constexpr int kDenseVertices = 500;
 /// Shift below the spectrum that makes L regular, in units of 1 / area.
 constexpr double kShift = 0.01;
-/// Relative error of Ritz values. Far below the error of the discretisation, as
+/// Relative error of Ritz values. Far below the error of the discretization, as
 /// a looser one stops before rounding has brought out all copies of the
 /// repeated eigenvalues of symmetric shapes.
 constexpr double kTolerance = 1e-10;
 constexpr int kMaxRestarts = 100;
 
 /// M^-1/2 L M^-1/2.
-Eigen::SparseMatrix<double> Normalised(const CotanLaplacian& laplacian) {
+Eigen::SparseMatrix<double> Normalized(const CotanLaplacian& laplacian) {
   const Eigen::VectorXd scale = laplacian.mass.cwiseSqrt().cwiseInverse();
   return scale.asDiagonal() * laplacian.stiffness * scale.asDiagonal();
 }
@@ -82,7 +82,7 @@ absl::Status SolveLanczos(const Eigen::SparseMatrix<double>& matrix,
   ShiftedInverse inverse(matrix, shift, stop);
   if (!inverse.ok()) {
     return absl::InternalError(
-        absl::StrCat("Cholesky factorisation of the Laplacian failed, ",
+        absl::StrCat("Cholesky factorization of the Laplacian failed, ",
                      matrix.rows(), " vertices, shift ", shift));
   }
   // Smaller ones restart more often and are a third faster, but converge before
@@ -123,7 +123,7 @@ bool IsSolvedDensely(double n, int count) {
 absl::StatusOr<SpectralBasis> ComputeSpectralBasis(
     const CotanLaplacian& laplacian, int count, const std::stop_token& stop) {
   ISOMATCH_RETURN_IF_ERROR(CheckNotCancelled(stop));
-  const Eigen::SparseMatrix<double> matrix = Normalised(laplacian);
+  const Eigen::SparseMatrix<double> matrix = Normalized(laplacian);
   const Eigen::Index n = matrix.rows();
   const int wanted = static_cast<int>(std::min<Eigen::Index>(count, n));
   SpectralBasis basis;

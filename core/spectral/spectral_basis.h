@@ -30,10 +30,10 @@ bool IsSolvedDensely(double n, int count);
 
 /// Returns the `count` lowest pairs, or all n when there are fewer, of
 /// L phi = lambda M phi: shift-invert Lanczos (Spectra) on M^-1/2 L M^-1/2,
-/// the factorisation by Eigen's sparse Cholesky; small meshes are solved
+/// the factorization by Eigen's sparse Cholesky; small meshes are solved
 /// densely.
 ///
-/// INTERNAL with the numbers when the factorisation or Lanczos fails.
+/// INTERNAL with the numbers when the factorization or Lanczos fails.
 /// CANCELLED soon after `stop`. Memory O(n count), mostly 8 n (3 count).
 absl::StatusOr<SpectralBasis> ComputeSpectralBasis(
     const CotanLaplacian& laplacian, int count, const std::stop_token& stop);

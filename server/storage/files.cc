@@ -72,7 +72,7 @@ absl::Status WriteAndSync(const std::string& path, absl::string_view bytes) {
   const File file(path, O_CREAT | O_WRONLY | O_TRUNC, S_IRUSR | S_IWUSR);
   if (!file.is_open()) return Refused("create", path);
   if (!WriteAll(file.get(), bytes)) return Refused("write", path);
-  if (fsync(file.get()) != 0) return Refused("synchronise", path);
+  if (fsync(file.get()) != 0) return Refused("synchronize", path);
   return absl::OkStatus();
 }
 
@@ -81,7 +81,7 @@ absl::Status WriteAndSync(const std::string& path, absl::string_view bytes) {
 absl::Status SyncFolder(const std::string& path) {
   const File folder(path, O_RDONLY | O_DIRECTORY);
   if (!folder.is_open()) return Refused("open", path);
-  if (fsync(folder.get()) != 0) return Refused("synchronise", path);
+  if (fsync(folder.get()) != 0) return Refused("synchronize", path);
   return absl::OkStatus();
 }
 

@@ -11,8 +11,8 @@
 namespace isomatch {
 
 /// Writes a file whole or not at all, also when the machine loses power: into
-/// `temporary` (same file system), synchronised, renamed to `path`, the folder
-/// synchronised. Readable by its owner only. RESOURCE_EXHAUSTED: the disk is
+/// `temporary` (same file system), synchronized, renamed to `path`, the folder
+/// synchronized. Readable by its owner only. RESOURCE_EXHAUSTED: the disk is
 /// full; UNAVAILABLE: it refuses for another reason. Nothing is left then,
 /// unless only the last step failed.
 absl::Status WriteFileDurably(const std::string& path,
@@ -43,7 +43,7 @@ struct FileAbout {
 absl::StatusOr<FileAbout> AboutFile(const std::string& path);
 
 /// Whether the disk has room for a file of so many bytes; there is none at
-/// `path` afterwards. Nothing is written where the file system can do without.
+/// `path` afterward. Nothing is written where the file system can do without.
 /// Errors as WriteFileDurably.
 absl::Status TryTakingRoom(const std::string& path, std::int64_t bytes);
 

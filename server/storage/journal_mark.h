@@ -8,7 +8,7 @@ namespace isomatch {
 
 /// A small file beside a journal that says how far the journal has come, so
 /// that one whose end is lost is noticed. It is written after the journal and
-/// not synchronised: it may lag behind, but is never ahead of what was on disk.
+/// not synchronized: it may lag behind, but is never ahead of what was on disk.
 ///
 /// Not thread-safe.
 class JournalMark {

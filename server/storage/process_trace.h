@@ -46,7 +46,7 @@ class TraceStore {
   virtual void Write(const ProcessTrace& trace) = 0;
 };
 
-/// One JSON object in a file. It is never synchronised: it survives the end of
+/// One JSON object in a file. It is never synchronized: it survives the end of
 /// the process, however sudden, but not that of the machine, which is no job's
 /// fault.
 class TraceFile : public TraceStore {

@@ -10,7 +10,7 @@
 
 namespace isomatch {
 
-/// Records in an SQLite database (write-ahead log, synchronised at every
+/// Records in an SQLite database (write-ahead log, synchronized at every
 /// commit): one row a job, with columns for whoever looks with sqlite3 and a
 /// checksum. Beside the database are PATH.mark, which tells when the end of the
 /// log was lost, and PATH.reserve, which is given up so that Open and Remove

@@ -44,7 +44,7 @@ absl::Status RunAblation(const PairSelection& pairs,
         RunPairs(pairs, variant, [](const PairResult&) {}));
     const std::vector<StageError> stages = StageMeans(results);
     const StageError before = BeforeRefinement(stages);
-    const Summary summary = Summarise(results);
+    const Summary summary = Summarize(results);
     std::printf("%-14s %.4f (%.4f)    %.4f (%.4f)    %.4f (%.4f)    %d, %d\n",
                 row.name, stages.front().direct, stages.front().best,
                 before.direct, before.best, stages.back().direct,

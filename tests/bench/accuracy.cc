@@ -27,7 +27,7 @@ void PrintPair(const PairResult& result) {
 }
 
 void PrintSummary(const std::vector<PairResult>& results) {
-  const Summary summary = Summarise(results);
+  const Summary summary = Summarize(results);
   std::printf("\nmean error / diameter after each stage\n");
   for (const StageError& stage : StageMeans(results)) {
     std::printf("  %-18s direct %.4f  best %.4f\n", StageName(stage.stage),
@@ -100,7 +100,7 @@ nlohmann::json ToJson(const PairResult& result) {
 
 nlohmann::json ToJson(const std::vector<PairResult>& results,
                       const MatchOptions& options) {
-  const Summary summary = Summarise(results);
+  const Summary summary = Summarize(results);
   nlohmann::json pairs = nlohmann::json::array();
   for (const PairResult& result : results) pairs.push_back(ToJson(result));
   const ConfidenceCurve curve = CurveOf(results);

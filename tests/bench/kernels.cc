@@ -111,7 +111,7 @@ KernelCost Nearest(const SpectralBasis& basis, int rows) {
       [&] { NearestColumns(queries, points, {}).status().IgnoreError(); });
   const double pairs = std::pow(double(points.cols()), 2);
   return Arithmetic(
-      "nearest neighbours, " + std::to_string(rows) + " dimensions",
+      "nearest neighbors, " + std::to_string(rows) + " dimensions",
       {Stage::kZoomOut, Stage::kChoice, Stage::kAlignment}, "candidate",
       seconds, pairs, 2 * double(rows) * pairs);
 }

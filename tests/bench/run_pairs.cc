@@ -114,7 +114,7 @@ absl::StatusOr<std::vector<PairResult>> RunPairs(
   return results;
 }
 
-Summary Summarise(const std::vector<PairResult>& results) {
+Summary Summarize(const std::vector<PairResult>& results) {
   std::vector<double> direct;
   std::vector<double> best;
   std::vector<double> seconds;

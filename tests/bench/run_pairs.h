@@ -72,7 +72,7 @@ struct Summary {
   int failed = 0;
   double seconds_mean = 0;
 };
-Summary Summarise(const std::vector<PairResult>& results);
+Summary Summarize(const std::vector<PairResult>& results);
 
 /// How well confidence ranks the errors of all vertices of all pairs.
 struct ConfidenceCurve {

@@ -30,7 +30,7 @@ int Main(int argc, char** argv) {
   std::ofstream truth(argv[3]);
   for (const VertexIndex y : y_from_x) truth << y << "\n";
   const bool written = WriteDraco(mesh_x, argv[1]) &&
-                       WriteDraco(Relabelled(mesh_x, y_from_x), argv[2]);
+                       WriteDraco(Relabeled(mesh_x, y_from_x), argv[2]);
   return written ? 0 : 1;
 }
 

@@ -27,7 +27,7 @@ v1::CreateJobRequest MakeRequest(int kind) {
   v1::CreateJobRequest request;
   *request.mutable_mesh_x() = ToDraco(mesh);
   *request.mutable_mesh_y() =
-      ToDraco(Relabelled(mesh, RandomPermutation(mesh.num_vertices(), seed)));
+      ToDraco(Relabeled(mesh, RandomPermutation(mesh.num_vertices(), seed)));
   // The quicker one for each.
   request.mutable_options()->set_profile(kind % 3 == 0 ? v1::PROFILE_DEFAULT
                                                        : v1::PROFILE_PAPER);

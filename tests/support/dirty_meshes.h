@@ -63,7 +63,7 @@ DirtyMesh WithSlivers(const DirtyMesh& dirty, const FacePredicate& at,
 /// The first vertex of each of some faces moves to the place of the second: the
 /// edge has no length, and its faces have no area.
 DirtyMesh WithCollapsedEdges(const DirtyMesh& dirty, const FacePredicate& at);
-/// Cuts some faces in four at the middles of their edges, and their neighbours
+/// Cuts some faces in four at the middles of their edges, and their neighbors
 /// so that no gap opens.
 DirtyMesh Refined(const DirtyMesh& dirty, const FacePredicate& refine);
 /// Both as one mesh; origins of `b` begin after `origins_of_a`.

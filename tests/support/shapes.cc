@@ -170,8 +170,8 @@ TriangleMesh MirrorSymmetricBody(int levels) {
                                   {{-0.6, -0.7, -0.7}, 1.4, 0.3}});
 }
 
-TriangleMesh Relabelled(const TriangleMesh& mesh,
-                        const std::vector<VertexIndex>& new_from_old) {
+TriangleMesh Relabeled(const TriangleMesh& mesh,
+                       const std::vector<VertexIndex>& new_from_old) {
   TriangleMesh result = mesh;
   for (VertexIndex v = 0; v < mesh.num_vertices(); ++v) {
     result.positions.row(new_from_old[v]) = mesh.positions.row(v);

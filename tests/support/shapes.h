@@ -39,8 +39,8 @@ inline const Eigen::RowVector3d kFourthArm(-0.6, -0.9, 0.2);
 TriangleMesh MirrorSymmetricBody(int levels);
 
 /// `mesh` with vertex v renamed to new_from_old[v].
-TriangleMesh Relabelled(const TriangleMesh& mesh,
-                        const std::vector<VertexIndex>& new_from_old);
+TriangleMesh Relabeled(const TriangleMesh& mesh,
+                       const std::vector<VertexIndex>& new_from_old);
 
 /// A permutation of 0..n-1.
 std::vector<VertexIndex> RandomPermutation(VertexIndex n, std::uint64_t seed);

@@ -2,7 +2,7 @@
 //
 // Here Y is painted with stripes and smooth coordinates along its longest axis;
 // X, another pose with another triangulation, gets both through the map.
-// OUT.off is X with colours: open it in MeshLab.
+// OUT.off is X with colors: open it in MeshLab.
 //
 // ISOMATCH_SERVER=HOST:PORT names another server than 127.0.0.1:7443.
 
@@ -61,7 +61,7 @@ std::vector<double> Transfer(
 
 std::string FormatOff(const isomatch::TriangleMesh& mesh,
                       const std::vector<double>& along) {
-  constexpr std::array kColours = {"230 80 60", "250 220 120", "60 110 180"};
+  constexpr std::array kColors = {"230 80 60", "250 220 120", "60 110 180"};
   std::string text = "COFF\n" + std::to_string(mesh.positions.rows()) + " " +
                      std::to_string(mesh.faces.rows()) + " 0\n";
   for (Eigen::Index v = 0; v < mesh.positions.rows(); ++v) {
@@ -69,7 +69,7 @@ std::string FormatOff(const isomatch::TriangleMesh& mesh,
       text += std::to_string(mesh.positions(v, axis)) + " ";
     }
     const auto stripe = static_cast<std::size_t>(12 * along[v]);
-    text += std::string(kColours[stripe % kColours.size()]) + " 255\n";
+    text += std::string(kColors[stripe % kColors.size()]) + " 255\n";
   }
   for (Eigen::Index f = 0; f < mesh.faces.rows(); ++f) {
     text += "3";
@@ -102,7 +102,7 @@ absl::Status TransferTexture(const std::string& path_x,
                     Transfer(Unwrap(request.mesh_y), *result->precise));
   if (!file.flush()) return absl::UnavailableError(output + ": not written");
   std::cout << output << ": " << request.mesh_x.num_vertices()
-            << " vertices with the colours of " << path_y << "\n";
+            << " vertices with the colors of " << path_y << "\n";
   return absl::OkStatus();
 }
 

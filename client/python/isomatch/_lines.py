@@ -64,7 +64,7 @@ def coordinate(word: str) -> float:
 
 
 def place(words: Sequence[str]) -> list[float]:
-    """Three coordinates; what follows, colours for one, is not read."""
+    """Three coordinates; what follows, colors for one, is not read."""
     if len(words) < 3:
         raise ValueError(f"a vertex has {len(words)} coordinates, expected 3")
     return [coordinate(word) for word in words[:3]]

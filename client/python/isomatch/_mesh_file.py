@@ -27,7 +27,7 @@ _PLY_TYPES = {
 
 
 def _off_polygon(words: list[str]) -> list[int]:
-    """After the number of corners; colours may follow."""
+    """After the number of corners; colors may follow."""
     corners = [whole(word) for word in words[1 : 1 + max(0, whole(words[0]))]]
     if len(corners) < 3 or len(corners) != int(words[0]):
         raise ValueError(f"it has {len(corners)} corners of {words[0]}, expected 3 or more")

@@ -77,7 +77,7 @@ class MatchResult:
     ) -> NDArray[Any]:
         """Returns the values of Y's vertices carried to X's.
 
-        values_y: one row (or number) a vertex of Y: colours, texture
+        values_y: one row (or number) a vertex of Y: colors, texture
         coordinates, labels. interpolate: between the vertices of the face that
         `precise` names (ask for it), for smooth values; not for labels, nor for
         texture coordinates that have seams. missing: where there is no match.

@@ -72,13 +72,13 @@ class Viewer {
     }
   }
 
-  /** Colours both shapes by a layer, 'colours' being the map's own. */
+  /** Colors both shapes by a layer, 'colors' being the map's own. */
   show(id) {
     const layer = this.pair.layers.find((candidate) => candidate.id === id);
     if (layer) this.paintLayer(layer); else this.paintMap();
     showScale(layer);
     byId('layer-text').textContent = layer ? layer.description :
-        'Y is coloured by place; each vertex of X has the colour of its image. Grey: no image.';
+        'Y is colored by place; each vertex of X has the color of its image. Gray: no image.';
     document.body.dataset.layer = id;
     this.stage.draw();
   }
@@ -89,9 +89,9 @@ class Viewer {
   }
 
   paintMap() {
-    const {colours, yFromX, places} = this.pair;
-    this.surfaces.x.paint((x) => yFromX[x] < 0 ? null : places.of(colours, x));
-    this.surfaces.y.paint((y) => colours.subarray(3 * y, 3 * y + 3));
+    const {colors, yFromX, places} = this.pair;
+    this.surfaces.x.paint((x) => yFromX[x] < 0 ? null : places.of(colors, x));
+    this.surfaces.y.paint((y) => colors.subarray(3 * y, 3 * y + 3));
   }
 
   paintLayer(layer) {
@@ -165,7 +165,7 @@ function describe(pair) {
         element('b', {}, side.toUpperCase()), ` ${text}`);
     byId(`vertex-${side}`).max = vertices - 1;
   }
-  const layers = [{id: 'colours', label: 'Map colours'}, ...pair.layers];
+  const layers = [{id: 'colors', label: 'Map colors'}, ...pair.layers];
   for (const {id, label} of layers) {
     const input = element('input', {type: 'radio', name: 'layer', value: id});
     input.checked = id === pair.layer;

@@ -1,6 +1,6 @@
 // What the page's JSON says, as typed arrays.
 
-/** Entry of a quantised layer that stands for "no value". */
+/** Entry of a quantized layer that stands for "no value". */
 const NO_VALUE = 65535;
 
 function bytesOf(base64) {
@@ -122,7 +122,7 @@ export async function readPair(json, wasm) {
     ...json, meshes, yFromX,
     places: placesOf(yFromX, json.precise),
     xsOf: invert(yFromX, json.y.vertices),
-    colours: bytesOf(json.colours),
+    colors: bytesOf(json.colors),
     layers: json.layers.map(layerOf),
   };
 }

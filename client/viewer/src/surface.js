@@ -1,4 +1,4 @@
-// One shape: its geometry, colours and the marks on it.
+// One shape: its geometry, colors and the marks on it.
 import {
   BufferAttribute, BufferGeometry, DoubleSide, DynamicDrawUsage, Matrix4, Mesh,
   Points, Scene, ShaderMaterial, Vector3,
@@ -6,7 +6,7 @@ import {
 import {MeshBVH} from 'three-mesh-bvh';
 
 /** Of a vertex without an image or a value. */
-const GREY = [158, 158, 158];
+const GRAY = [158, 158, 158];
 const MARK_PIXELS = 15;
 /** Their numbers are the shader's. */
 const PATTERNS = ['plain', 'stripes', 'checker'];
@@ -125,10 +125,10 @@ export class Surface {
     this.material.uniforms.pattern.value = PATTERNS.indexOf(pattern);
   }
 
-  /** `colourOf(v)` returns three numbers to 255, or null for none. */
-  paint(colourOf) {
+  /** `colorOf(v)` returns three numbers to 255, or null for none. */
+  paint(colorOf) {
     const array = this.tint.array;
-    for (let v = 0; 3 * v < array.length; ++v) array.set(colourOf(v) ?? GREY, 3 * v);
+    for (let v = 0; 3 * v < array.length; ++v) array.set(colorOf(v) ?? GRAY, 3 * v);
     this.tint.needsUpdate = true;
   }
 

@@ -87,7 +87,7 @@ TEST_F(CommandLineTest, HelpSaysWhatItsOptionSays) {
   EXPECT_EQ(Run({"help"}).out, Run({"--help"}).out);
 }
 
-TEST_F(CommandLineTest, MistypedWordsAreRecognised) {
+TEST_F(CommandLineTest, MistypedWordsAreRecognized) {
   ExpectUsageError({"mtach", "x", "y"},
                    "isomatch: there is no command 'mtach', did you mean "
                    "'match'?");

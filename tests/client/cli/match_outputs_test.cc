@@ -143,7 +143,7 @@ TEST_F(MatchOutputsTest, NoMeshIsOverwritten) {
   EXPECT_THAT(ReadMesh(Path("y.off"), "Y"), IsOk());
 }
 
-TEST_F(MatchOutputsTest, ColoursThatCannotBeReadDoNotStopAMatch) {
+TEST_F(MatchOutputsTest, ColorsThatCannotBeReadDoNotStopAMatch) {
   on_found_ = FindEverything;
   WriteMeshes(UnitSphere(1), Tetrahedron());
   folder_.Write("y.obj",
@@ -153,11 +153,11 @@ TEST_F(MatchOutputsTest, ColoursThatCannotBeReadDoNotStopAMatch) {
       RunIsomatch({"match", Path("x.off"), Path("y.obj"), "-o", Path("m.ply"),
                    "--no-progress", "--server", server_->address()});
   EXPECT_EQ(outcome.status, kExitSuccess);
-  EXPECT_THAT(outcome.err, HasSubstr("3 of 4 vertices have no colour"));
+  EXPECT_THAT(outcome.err, HasSubstr("3 of 4 vertices have no color"));
   EXPECT_TRUE(Exists("m.ply"));
 }
 
-TEST_F(MatchOutputsTest, AMapInColoursTakesThoseOfY) {
+TEST_F(MatchOutputsTest, AMapInColorsTakesThoseOfY) {
   on_found_ = FindEverything;
   const TriangleMesh y = Tetrahedron();
   const Colors red = Eigen::RowVector3d(1, 0, 0).replicate(4, 1);

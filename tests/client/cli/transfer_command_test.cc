@@ -77,7 +77,7 @@ TEST_F(TransferCommandTest, ATextureGoesFromPoseToPose) {
   EXPECT_TRUE((*ReadObjTexture(out_, out->mesh)).has_value());
 }
 
-TEST_F(TransferCommandTest, ColoursGoFromPoseToPose) {
+TEST_F(TransferCommandTest, ColorsGoFromPoseToPose) {
   const std::string y = folder_.Path("y.ply");
   const std::string out = folder_.Path("out.ply");
   ASSERT_EQ(Run({"sample", "--pose", "B", "--vertices", "500", "--texture",
@@ -86,7 +86,7 @@ TEST_F(TransferCommandTest, ColoursGoFromPoseToPose) {
             0);
   const CommandOutcome outcome = Run({"transfer", x_, y, map_, "-o", out});
   ASSERT_EQ(outcome.status, 0) << outcome.err;
-  EXPECT_THAT(outcome.out, HasSubstr("vertex colours: 600 of 600"));
+  EXPECT_THAT(outcome.out, HasSubstr("vertex colors: 600 of 600"));
   const Colors from = **ReadVertexColors(y, 500);
   const Colors to = **ReadVertexColors(out, 600);
   const VertexMap map = *ReadMap(map_, 500, 600);

@@ -154,26 +154,26 @@ TEST_F(ViewCommandTest, TellsWhatItWroteAsJson) {
   EXPECT_TRUE(json["warnings"].empty());
 }
 
-/// A mesh of three coloured vertices.
-std::string ColouredTriangle(const std::string& colour) {
+/// A mesh of three colored vertices.
+std::string ColoredTriangle(const std::string& color) {
   std::string lines = "COFF\n3 1 0\n";
   for (const char* place : {"0 0 0 ", "1 0 0 ", "0 1 0 "}) {
-    lines += place + colour + "\n";
+    lines += place + color + "\n";
   }
   return lines + "3 0 1 2\n";
 }
 
-TEST_F(ViewCommandTest, ShowsTheColoursOfTheFiles) {
+TEST_F(ViewCommandTest, ShowsTheColorsOfTheFiles) {
   const std::string map = folder_.Write("three.txt", "0\n1\n2\n");
   const std::string blue =
-      folder_.Write("blue.off", ColouredTriangle("0 0 255 255"));
+      folder_.Write("blue.off", ColoredTriangle("0 0 255 255"));
   std::vector<std::string> pictures;
-  for (const char* colour : {"255 0 0 255", "0 255 0 255"}) {
-    const std::string x = folder_.Write("x.off", ColouredTriangle(colour));
+  for (const char* color : {"255 0 0 255", "0 255 0 255"}) {
+    const std::string x = folder_.Write("x.off", ColoredTriangle(color));
     for (const bool own : {false, true}) {
       std::vector<std::string> arguments = {"view", x,       blue,
                                             map,    "--png", png_};
-      if (own) arguments.emplace_back("--file-colours");
+      if (own) arguments.emplace_back("--file-colors");
       const CommandOutcome outcome = RunIsomatch(arguments);
       ASSERT_EQ(outcome.status, kExitSuccess) << outcome.err;
       pictures.push_back(ReadFile(png_, "a picture").value());
@@ -185,16 +185,16 @@ TEST_F(ViewCommandTest, ShowsTheColoursOfTheFiles) {
 }
 
 TEST_F(ViewCommandTest, WrongUsageNamesTheOption) {
-  ExpectUsageError({"--png", png_, "--file-colours"},
-                   "X: '" + x_ + "' has no vertex colours");
-  ExpectUsageError({"--png", png_, "-o", page_, "--file-colours"},
-                   "--file-colours: is for --png alone");
+  ExpectUsageError({"--png", png_, "--file-colors"},
+                   "X: '" + x_ + "' has no vertex colors");
+  ExpectUsageError({"--png", png_, "-o", page_, "--file-colors"},
+                   "--file-colors: is for --png alone");
 
   ExpectUsageError({}, "expected --output PAGE.html or --png PICTURE.png");
   const std::string both = folder_.Path("both");
   ExpectUsageError({"-o", both, "--png", both}, "is the file of --output");
   ExpectUsageError({"-o", folder_.Path("no/page.html")}, "there is no folder");
-  ExpectUsageError({"-o", page_, "--layer", "colour"}, "--layer");
+  ExpectUsageError({"-o", page_, "--layer", "color"}, "--layer");
   ExpectUsageError({"-o", page_, "--layer", "error"}, "needs --truth FILE");
   ExpectUsageError({"-o", page_, "--layer", "confidence"},
                    "needs --confidence FILE");

@@ -47,7 +47,7 @@ TEST_F(MapPlyTest, EachVertexKnowsWhereItGoes) {
   EXPECT_EQ(columns.at("y_z")[2], static_cast<float>(y_.positions(0, 2)));
   EXPECT_TRUE(std::isnan(columns.at("y_x")[1]));
   EXPECT_EQ(columns.at("green")[3], ColorBytes(colors_.row(7))[1]);
-  EXPECT_EQ(columns.at("red")[1], kGrey[0]);
+  EXPECT_EQ(columns.at("red")[1], kGray[0]);
   EXPECT_EQ(columns.count("confidence"), 0u);
 }
 

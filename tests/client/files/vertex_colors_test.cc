@@ -19,7 +19,7 @@ using testing::HasSubstr;
 
 class VertexColorsTest : public testing::Test {
  protected:
-  /// Colours of a file that ReadMesh reads too, with three vertices.
+  /// Colors of a file that ReadMesh reads too, with three vertices.
   absl::StatusOr<std::optional<Colors>> Read(const std::string& name,
                                              const std::string& text) {
     const std::string path = folder_.Write(name, text);
@@ -96,24 +96,24 @@ TEST_F(VertexColorsTest, FilesWithoutThemHaveNone) {
   EXPECT_EQ(*ReadVertexColors(path, 4), std::nullopt);
 }
 
-TEST_F(VertexColorsTest, HalfAColouringIsRefused) {
+TEST_F(VertexColorsTest, HalfAColoringIsRefused) {
   EXPECT_THAT(Read("a.obj", "v 0 0 0 1 0 0\nv 1 0 0\nv 0 1 0 0 0 1\nf 1 2 3\n"),
               StatusIs(absl::StatusCode::kInvalidArgument,
-                       HasSubstr("1 of 3 vertices have no colour")));
+                       HasSubstr("1 of 3 vertices have no color")));
   EXPECT_THAT(
       Read("a.obj", "v 0 0 0 1 0 0\nv 1 0 0 0 x 0\nv 0 1 0 0 0 1\nf 1 2 3\n"),
       StatusIs(absl::StatusCode::kInvalidArgument,
-               HasSubstr("line 2: a vertex's colour is 'x'")));
+               HasSubstr("line 2: a vertex's color is 'x'")));
 }
 
 TEST(PositionColorsTest, AreThoseOfThePage) {
   const TriangleMesh body = MirrorSymmetricBody(2);
   const Colors colors = PositionColors(body.positions);
-  const std::vector<Rgb> bytes = PlaceColours(body.positions);
+  const std::vector<Rgb> bytes = PlaceColors(body.positions);
   for (VertexIndex v = 0; v < body.num_vertices(); ++v) {
     EXPECT_EQ(ColorBytes(colors.row(v)), bytes[static_cast<std::size_t>(v)]);
   }
-  EXPECT_EQ(ColorBytes(kNoColor), kGrey);
+  EXPECT_EQ(ColorBytes(kNoColor), kGray);
 }
 
 }  // namespace

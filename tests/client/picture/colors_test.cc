@@ -30,54 +30,54 @@ Positions BoxCorners() {
   return corners;
 }
 
-TEST(PlaceColoursTest, AllCornersDiffer) {
-  const std::vector<Rgb> colours = PlaceColours(BoxCorners());
+TEST(PlaceColorsTest, AllCornersDiffer) {
+  const std::vector<Rgb> colors = PlaceColors(BoxCorners());
   for (int i = 0; i < 8; ++i) {
-    EXPECT_GT(Difference(colours[i], kGrey), 40) << i;
+    EXPECT_GT(Difference(colors[i], kGray), 40) << i;
     for (int j = 0; j < i; ++j) {
-      EXPECT_GT(Difference(colours[i], colours[j]), 24) << i << " " << j;
+      EXPECT_GT(Difference(colors[i], colors[j]), 24) << i << " " << j;
     }
   }
 }
 
 // Left and right legs lie close to the plane between them.
-TEST(PlaceColoursTest, SidesNearTheMiddleDiffer) {
+TEST(PlaceColorsTest, SidesNearTheMiddleDiffer) {
   Positions positions(12, 3);
   positions.topRows(8) = BoxCorners();
   positions.row(8) << 2, 0.2, 0.35;
   positions.row(9) << 2, 0.2, 0.65;
   positions.row(10) << 2, 0.7, 0.5;
   positions.row(11) << 2, 1.3, 0.5;
-  const std::vector<Rgb> colours = PlaceColours(positions);
-  EXPECT_GT(Difference(colours[8], colours[9]), 40);
-  EXPECT_GT(Difference(colours[10], colours[11]), 40);
+  const std::vector<Rgb> colors = PlaceColors(positions);
+  EXPECT_GT(Difference(colors[8], colors[9]), 40);
+  EXPECT_GT(Difference(colors[10], colors[11]), 40);
 }
 
 // A hundredth of the box changes no channel by more than 26 of 255
 // levels; dark ones change fastest.
-TEST(PlaceColoursTest, NeighboursLookAlike) {
+TEST(PlaceColorsTest, NeighborsLookAlike) {
   constexpr double kRounding = 2;
   constexpr double kLevelsPerBox = 2600;
   const TriangleMesh mesh = FiveArms(5);
-  const std::vector<Rgb> colours = PlaceColours(mesh.positions);
+  const std::vector<Rgb> colors = PlaceColors(mesh.positions);
   const Eigen::Array3d box =
       mesh.positions.colwise().maxCoeff() - mesh.positions.colwise().minCoeff();
   for (VertexIndex f = 0; f < mesh.num_faces(); ++f) {
     const VertexIndex a = mesh.faces(f, 0);
     const VertexIndex b = mesh.faces(f, 1);
     const Eigen::Array3d step = mesh.positions.row(a) - mesh.positions.row(b);
-    EXPECT_LT(Difference(colours[a], colours[b]),
+    EXPECT_LT(Difference(colors[a], colors[b]),
               kRounding + kLevelsPerBox * (step / box).abs().sum());
   }
 }
 
-TEST(PlaceColoursTest, ScaleAndOriginDoNotMatter) {
+TEST(PlaceColorsTest, ScaleAndOriginDoNotMatter) {
   const Positions positions = BumpySphere(3).positions;
   // Powers of two keep every bit.
   Positions moved = positions * 1024;
-  EXPECT_EQ(PlaceColours(positions), PlaceColours(moved));
+  EXPECT_EQ(PlaceColors(positions), PlaceColors(moved));
   moved.setConstant(3);
-  EXPECT_EQ(PlaceColours(moved).size(), moved.rows());  // no box at all
+  EXPECT_EQ(PlaceColors(moved).size(), moved.rows());  // no box at all
 }
 
 TEST(PaletteTest, EndsAndMiddleAreWhatTheyMean) {

@@ -43,7 +43,7 @@ TEST(SampleTextureTest, FacesLieInTheHalfOfTheirSide) {
   EXPECT_LE(texture.places.maxCoeff(), 1);
 }
 
-TEST(SampleTextureTest, VerticesHaveTheColourOfThePicture) {
+TEST(SampleTextureTest, VerticesHaveTheColorOfThePicture) {
   const absl::StatusOr<Sample> sample = MakeSample({'A', 500, 1});
   ASSERT_THAT(sample, IsOk());
   const Image picture = SamplePicture(SamplePattern::kChecker);

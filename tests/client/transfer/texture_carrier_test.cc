@@ -136,7 +136,7 @@ TEST(TextureCarrierTest, TheIdentityCarriesEverythingUnchanged) {
              texture, 1e-12);
 }
 
-TEST(TextureCarrierTest, ARelabelledMeshGetsTheSame) {
+TEST(TextureCarrierTest, ARelabeledMeshGetsTheSame) {
   const TriangleMesh sphere = UnitSphere(3);
   const MeshTexture texture = TwoCharts(sphere);
   const std::vector<VertexIndex> new_from_old =
@@ -147,7 +147,7 @@ TEST(TextureCarrierTest, ARelabelledMeshGetsTheSame) {
         static_cast<VertexIndex>(old);
   }
   ExpectSame(
-      Carry(Relabelled(sphere, new_from_old), sphere, texture, AtVertices(map)),
+      Carry(Relabeled(sphere, new_from_old), sphere, texture, AtVertices(map)),
       texture);
 }
 

@@ -23,7 +23,7 @@ std::vector<PrecisePoint> AtAll(const VertexMap& map) {
   return places;
 }
 
-TEST(TransferTest, TheIdentityCarriesColoursUnchanged) {
+TEST(TransferTest, TheIdentityCarriesColorsUnchanged) {
   const TriangleMesh sphere = UnitSphere(2);
   const Colors colors = PositionColors(sphere.positions);
   VertexMap identity(static_cast<std::size_t>(sphere.num_vertices()));
@@ -44,7 +44,7 @@ TEST(TransferTest, APermutationPermutes) {
   }
 }
 
-TEST(TransferTest, ColoursAreInterpolatedAndLabelsAreNot) {
+TEST(TransferTest, ColorsAreInterpolatedAndLabelsAreNot) {
   Colors colors(3, 3);
   colors << 1, 0, 0, 0, 1, 0, 0, 0, 1;
   const std::vector<PrecisePoint> places = {
@@ -81,7 +81,7 @@ TEST_F(CarryLandmarksTest, APermutationGivesTheInverse) {
   }
   for (const VertexIndex y : {0, 5, 100}) {
     const auto found =
-        Carry({y}, Relabelled(sphere, new_from_old), sphere, AtAll(map)).at(0);
+        Carry({y}, Relabeled(sphere, new_from_old), sphere, AtAll(map)).at(0);
     EXPECT_EQ(found.x, new_from_old[static_cast<std::size_t>(y)]);
     EXPECT_EQ(found.distance, 0);
   }

@@ -36,7 +36,7 @@ PairView SmallView() {
     view.y_from_x.push_back(3 * x);
   }
   view.y_from_x[5] = kNoVertex;
-  view.colours_y = PlaceColours(view.y.mesh.positions);
+  view.colors_y = PlaceColors(view.y.mesh.positions);
   ScalarLayer layer = {.id = "confidence", .palette = ConfidencePalette()};
   layer.on_x.assign(view.x.mesh.num_vertices(), 0.25F);
   layer.on_x[1] = 0.75F;
@@ -78,7 +78,7 @@ TEST(PageDataTest, HoldsTheMeshes) {
                     named->mesh.num_vertices());
     ASSERT_THAT(decoded, IsOk());
     EXPECT_EQ(decoded->num_faces(), named->mesh.num_faces());
-    const Positions expected = NormalisedPositions(named->mesh);
+    const Positions expected = NormalizedPositions(named->mesh);
     const double side =
         (expected.colwise().maxCoeff() - expected.colwise().minCoeff())
             .maxCoeff();
@@ -98,16 +98,16 @@ TEST(PageDataTest, KeepsTheOrderOfVerticesOnNoFace) {
   EXPECT_EQ(Data(view)["x"]["order"], "decoded");
 }
 
-TEST(PageDataTest, HoldsTheMapAndTheColours) {
+TEST(PageDataTest, HoldsTheMapAndTheColors) {
   const PairView view = SmallView();
   const json data = Data(view);
   EXPECT_EQ(Unpacked<VertexIndex>(data["map"]), view.y_from_x);
-  const std::vector<std::uint8_t> colours =
-      Unpacked<std::uint8_t>(data["colours"]);
-  ASSERT_EQ(colours.size(), 3 * view.colours_y.size());
-  for (std::size_t y = 0; y < view.colours_y.size(); ++y) {
+  const std::vector<std::uint8_t> colors =
+      Unpacked<std::uint8_t>(data["colors"]);
+  ASSERT_EQ(colors.size(), 3 * view.colors_y.size());
+  for (std::size_t y = 0; y < view.colors_y.size(); ++y) {
     for (int channel = 0; channel < 3; ++channel) {
-      EXPECT_EQ(colours[3 * y + channel], view.colours_y[y][channel]);
+      EXPECT_EQ(colors[3 * y + channel], view.colors_y[y][channel]);
     }
   }
   EXPECT_EQ(data["layer"], "confidence");
@@ -118,7 +118,7 @@ TEST(PageDataTest, HoldsTheMapAndTheColours) {
               ElementsAre("mind"));
 }
 
-TEST(PageDataTest, HoldsTheLayersQuantised) {
+TEST(PageDataTest, HoldsTheLayersQuantized) {
   const PairView view = SmallView();
   const json layer = Data(view)["layers"][0];
   EXPECT_EQ(layer["id"], "confidence");
@@ -136,7 +136,7 @@ TEST(PageDataTest, HoldsTheLayersQuantised) {
 TEST(PageDataTest, ALayerMayBeEmptyOrConstant) {
   PairView view = SmallView();
   view.layers[0].on_x.assign(view.y_from_x.size(), kNone);
-  view.layers[0].on_y.assign(view.colours_y.size(), kNone);
+  view.layers[0].on_y.assign(view.colors_y.size(), kNone);
   EXPECT_THAT(Unpacked<std::uint16_t>(Data(view)["layers"][0]["x"]),
               testing::Each(65535));
   view.layers[0].on_x.assign(view.y_from_x.size(), 0.5F);
@@ -149,7 +149,7 @@ TEST(PageTest, IsWholeAndLoadsNothing) {
   EXPECT_THAT(page, HasSubstr("<title>a &lt;b&gt; &amp; c</title>"));
   for (const char* author :
        {"three.js authors", "Garrett Johnson", "Draco Authors"}) {
-    EXPECT_THAT(page, HasSubstr(author));  // as their licences want
+    EXPECT_THAT(page, HasSubstr(author));  // as their licenses want
   }
   EXPECT_THAT(page, Not(HasSubstr("</script>\",\"vertices")));
   for (const char* mark : {"<!--", "/*STYLE*/", "/*DRACO*/", "/*SCRIPT*/"}) {

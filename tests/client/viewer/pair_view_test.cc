@@ -18,12 +18,12 @@ using testing::IsNan;
 
 constexpr float kNoValue = std::numeric_limits<float>::quiet_NaN();
 
-TEST(PairViewTest, NormalisedShapesHaveAreaOneAroundTheOrigin) {
+TEST(PairViewTest, NormalizedShapesHaveAreaOneAroundTheOrigin) {
   const TriangleMesh mesh = Moved(FiveArms(3), 1e6);
-  const TriangleMesh normalised = {NormalisedPositions(mesh), mesh.faces};
-  EXPECT_NEAR(SurfaceArea(normalised), 1, 1e-9);
-  EXPECT_NEAR(normalised.positions.colwise().maxCoeff()[0] +
-                  normalised.positions.colwise().minCoeff()[0],
+  const TriangleMesh normalized = {NormalizedPositions(mesh), mesh.faces};
+  EXPECT_NEAR(SurfaceArea(normalized), 1, 1e-9);
+  EXPECT_NEAR(normalized.positions.colwise().maxCoeff()[0] +
+                  normalized.positions.colwise().minCoeff()[0],
               0, 1e-9);
 }
 
@@ -83,39 +83,39 @@ TEST(CarryToYTest, NothingIsCarriedWhereNothingLeads) {
   EXPECT_THAT(CarryToY({5}, {kNoVertex}, y), testing::Each(IsNan()));
 }
 
-TEST(PairViewTest, VerticesOfXHaveTheColoursOfTheirImages) {
+TEST(PairViewTest, VerticesOfXHaveTheColorsOfTheirImages) {
   PairView view;
-  view.colours_y = {{1, 2, 3}, {4, 5, 6}};
+  view.colors_y = {{1, 2, 3}, {4, 5, 6}};
   view.y_from_x = {1, kNoVertex, 0, 1};
-  EXPECT_THAT(ColoursOfX(view),
-              ElementsAre(Rgb{4, 5, 6}, kGrey, Rgb{1, 2, 3}, Rgb{4, 5, 6}));
+  EXPECT_THAT(ColorsOfX(view),
+              ElementsAre(Rgb{4, 5, 6}, kGray, Rgb{1, 2, 3}, Rgb{4, 5, 6}));
 }
 
-TEST(PairViewTest, ColoursAreMixedWhereImagesLieBetweenVertices) {
+TEST(PairViewTest, ColorsAreMixedWhereImagesLieBetweenVertices) {
   PairView view;
-  view.colours_y = {{0, 0, 0}, {100, 200, 40}, {100, 0, 40}};
+  view.colors_y = {{0, 0, 0}, {100, 200, 40}, {100, 0, 40}};
   view.y.mesh.faces.resize(1, 3);
   view.y.mesh.faces << 0, 1, 2;
   view.precise = {{0, {0.5, 0.25, 0.25}}, SurfacePoint{}};
   view.y_from_x = {0, kNoVertex};
-  EXPECT_THAT(ColoursOfX(view), ElementsAre(Rgb{50, 50, 20}, kGrey));
+  EXPECT_THAT(ColorsOfX(view), ElementsAre(Rgb{50, 50, 20}, kGray));
 }
 
-TEST(PairViewTest, LayersAreColouredByTheirScale) {
+TEST(PairViewTest, LayersAreColoredByTheirScale) {
   ScalarLayer layer = {.id = "error", .low = 2, .high = 4};
   for (int i = 0; i < 256; ++i) {
     layer.palette[i] = {static_cast<std::uint8_t>(i), 0, 0};
   }
-  EXPECT_THAT(LayerColours(layer, {2, 3, 4, 9, -9, kNoValue}),
+  EXPECT_THAT(LayerColors(layer, {2, 3, 4, 9, -9, kNoValue}),
               ElementsAre(Rgb{0, 0, 0}, Rgb{128, 0, 0}, Rgb{255, 0, 0},
-                          Rgb{255, 0, 0}, Rgb{0, 0, 0}, kGrey));
+                          Rgb{255, 0, 0}, Rgb{0, 0, 0}, kGray));
 }
 
 TEST(PairViewTest, FindsLayersById) {
   PairView view;
   view.layers = {{.id = "error"}};
   EXPECT_EQ(FindLayer(view, "error"), &view.layers[0]);
-  EXPECT_EQ(FindLayer(view, "colours"), nullptr);
+  EXPECT_EQ(FindLayer(view, "colors"), nullptr);
 }
 
 }  // namespace

@@ -26,11 +26,11 @@ PairView IdentityView(const TriangleMesh& mesh) {
   view.y = {"y.off", mesh};
   view.y_from_x.resize(mesh.num_vertices());
   std::iota(view.y_from_x.begin(), view.y_from_x.end(), 0);
-  view.colours_y = PlaceColours(mesh.positions);
+  view.colors_y = PlaceColors(mesh.positions);
   return view;
 }
 
-Image Draw(const PairView& view, const std::string& layer = "colours") {
+Image Draw(const PairView& view, const std::string& layer = "colors") {
   return DrawPair(view, {.width = 240, .height = 120, .layer = layer});
 }
 
@@ -123,7 +123,7 @@ TEST(PictureTest, AMirroredMapShows) {
   EXPECT_EQ(Covered(good, 0), Covered(bad, 0));
 }
 
-TEST(PictureTest, WithoutAnImageAllIsGrey) {
+TEST(PictureTest, WithoutAnImageAllIsGray) {
   PairView view = IdentityView(BumpySphere(3));
   std::fill(view.y_from_x.begin(), view.y_from_x.end(), kNoVertex);
   const Image image = Draw(view);
@@ -150,10 +150,10 @@ TEST(PictureTest, NearFacesHideFarOnes) {
   points.leftCols(2).array() += 1;
   const Positions up =
       Positions::Constant(8, 3, 0).rowwise() + Eigen::RowVector3d(0, 0, 1);
-  std::vector<Rgb> colours(8, Rgb{255, 0, 0});
-  std::fill(colours.begin() + 4, colours.end(), Rgb{0, 255, 0});
-  DrawSurface({points, mesh.faces, up, colours, mesh.positions},
-              Pattern::kPlain, image);
+  std::vector<Rgb> colors(8, Rgb{255, 0, 0});
+  std::fill(colors.begin() + 4, colors.end(), Rgb{0, 255, 0});
+  DrawSurface({points, mesh.faces, up, colors, mesh.positions}, Pattern::kPlain,
+              image);
   EXPECT_GT(image.At(10, 10)[0], 200);
   EXPECT_LT(image.At(10, 10)[1], 60);
   EXPECT_EQ(image.At(0, 0), kWhite);
@@ -166,14 +166,14 @@ TEST(PictureTest, WhatLiesOutsideIsLeftOut) {
   points.leftCols(2).array() -= 50;
   const Positions up =
       Positions::Zero(4, 3).rowwise() + Eigen::RowVector3d(0, 0, 1);
-  const std::vector<Rgb> colours(4, Rgb{9, 9, 9});
-  DrawSurface({points, mesh.faces, up, colours, mesh.positions},
-              Pattern::kPlain, image);
+  const std::vector<Rgb> colors(4, Rgb{9, 9, 9});
+  DrawSurface({points, mesh.faces, up, colors, mesh.positions}, Pattern::kPlain,
+              image);
   EXPECT_EQ(std::count(image.pixels.begin(), image.pixels.end(), kWhite), 0);
   points.col(0).array() += 500;
   Image empty(10, 10, kWhite);
-  DrawSurface({points, mesh.faces, up, colours, mesh.positions},
-              Pattern::kPlain, empty);
+  DrawSurface({points, mesh.faces, up, colors, mesh.positions}, Pattern::kPlain,
+              empty);
   EXPECT_EQ(std::count(empty.pixels.begin(), empty.pixels.end(), kWhite), 100);
 }
 

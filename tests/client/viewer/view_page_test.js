@@ -52,15 +52,15 @@ function difference(a, b) {
   return {changed, x: x / changed, y: y / changed};
 }
 
-/** Pixels that are not of the first one's colour, and how many colours there are. */
+/** Pixels that are not of the first one's color, and how many colors there are. */
 function drawing({rgb}) {
-  const colours = new Set();
+  const colors = new Set();
   let covered = 0;
   for (let i = 0; i < rgb.length; i += 3) {
-    colours.add(rgb.readUIntBE(i, 3));
+    colors.add(rgb.readUIntBE(i, 3));
     if (rgb.compare(rgb, 0, 3, i, i + 3) !== 0) ++covered;
   }
-  return {covered: 3 * covered / rgb.length, colours: colours.size};
+  return {covered: 3 * covered / rgb.length, colors: colors.size};
 }
 
 /** How many tints there are, whatever their lightness; few pixels do not count. */
@@ -100,11 +100,11 @@ async function away(page) {
 }
 
 const checks = {
-  async 'both shapes are drawn in many colours'({page}) {
+  async 'both shapes are drawn in many colors'({page}) {
     for (const side of ['x', 'y']) {
-      const {covered, colours} = drawing(await page.pixels(await shapeBox(page, side)));
+      const {covered, colors} = drawing(await page.pixels(await shapeBox(page, side)));
       assert.ok(covered > 0.08 && covered < 0.8, `${side} covers ${covered}`);
-      assert.ok(colours > 1000, `${side} has ${colours} colours`);
+      assert.ok(colors > 1000, `${side} has ${colors} colors`);
     }
   },
 
@@ -176,17 +176,17 @@ const checks = {
   async 'layers switch'({page}) {
     await away(page);
     let last = await page.pixels(await shapeBox(page, 'x'));
-    for (const layer of ['distortion', 'confidence', 'error', 'colours']) {
+    for (const layer of ['distortion', 'confidence', 'error', 'colors']) {
       await page.click(`label:has([value=${layer}])`);
       assert.equal(await page.evaluate('document.body.dataset.layer'), layer);
       const now = await page.pixels(await shapeBox(page, 'x'));
       const {changed} = difference(last, now);
       assert.ok(changed > 5000, `${layer} changes ${changed} pixels`);
       last = now;
-      // The background is one, and so would be a single colour of a scale.
+      // The background is one, and so would be a single color of a scale.
       if (layer !== 'distortion') assert.ok(tints(now) > 3, `${layer} has ${tints(now)} tints`);
       const hidden = await page.evaluate("document.getElementById('scale').hidden");
-      assert.equal(hidden, layer === 'colours');
+      assert.equal(hidden, layer === 'colors');
       writeFileSync(file(`page_${layer}.png`), Buffer.from(await page.screenshot(), 'base64'));
     }
   },
@@ -272,15 +272,15 @@ const checks = {
   },
 };
 
-/** A map of places between vertices: colours and marks follow them. */
+/** A map of places between vertices: colors and marks follow them. */
 async function openPrecise(page) {
   execFileSync(isomatch, ['view', file('a.off'), file('b.off'), file('places.txt'), '-o',
     file('precise.html')], {stdio: ['ignore', 'ignore', 'inherit']});
   await page.send('Page.navigate', {url: pathToFileURL(file('precise.html')).href});
   await page.until("document.body?.dataset.ready === 'true' && document.title.includes('a.off')");
   await page.drawn();
-  const {colours} = drawing(await page.pixels(await shapeBox(page, 'x')));
-  assert.ok(colours > 1000, `X has ${colours} colours`);
+  const {colors} = drawing(await page.pixels(await shapeBox(page, 'x')));
+  assert.ok(colors > 1000, `X has ${colors} colors`);
   const places = readFileSync(file('places.txt'), 'utf8').trim().split('\n')
       .map((line) => line.split(' ').map(Number));
   const between = places.findIndex(([, ...weights]) => weights.every((weight) => weight > 0.1));
@@ -313,9 +313,9 @@ async function openLarge(page) {
   console.log(`a page of 2 x ${LARGE} vertices, ${mebibytes.toFixed(1)} MiB, is drawn after ` +
       `${((Date.now() - begin) / 1000).toFixed(1)} s`);
   for (const side of ['x', 'y']) {
-    const {covered, colours} = drawing(await page.pixels(await shapeBox(page, side)));
+    const {covered, colors} = drawing(await page.pixels(await shapeBox(page, side)));
     assert.ok(covered > 0.08 && covered < 0.8, `${side} covers ${covered}`);
-    assert.ok(colours > 1000, `${side} has ${colours} colours`);
+    assert.ok(colors > 1000, `${side} has ${colors} colors`);
   }
   assert.deepEqual(page.problems, []);
 }

@@ -115,7 +115,7 @@ class CppTest(unittest.TestCase):
         x, y = support.pair()
         output = FOLDER / "striped.off"
         printed, _ = self.run_example("transfer_texture", x, y, output)
-        self.assertIn(f"{output}: 1000 vertices with the colours of {y}", printed)
+        self.assertIn(f"{output}: 1000 vertices with the colors of {y}", printed)
         magic, counts, *lines = output.read_text().splitlines()
         self.assertEqual((magic, counts.split()[0]), ("COFF", "1000"))
         # As the vertices of Y are striped that the truth names, but at the seams.
@@ -123,8 +123,8 @@ class CppTest(unittest.TestCase):
         low, span = vertices.min(axis=0), np.ptp(vertices, axis=0)
         along = ((vertices - low) / span)[:, span.argmax()]
         wanted = (12 * along[support.truth()]).astype(int) % 3
-        colours = [line.split()[3:6] for line in lines[:1000]]
-        striped = [["230 80 60", "250 220 120", "60 110 180"].index(" ".join(c)) for c in colours]
+        colors = [line.split()[3:6] for line in lines[:1000]]
+        striped = [["230 80 60", "250 220 120", "60 110 180"].index(" ".join(c)) for c in colors]
         self.assertGreater(np.mean(wanted == striped), 0.85)
 
     def test_watch_from_another_process(self):

@@ -58,7 +58,7 @@ TEST(NearestColumnsTest, PassesOverOnlyWhatIsFartherAway) {
       const Eigen::VectorXd query = queries.col(q).cast<double>();
       const double least =
           (exact.colwise() - query).colwise().squaredNorm().minCoeff();
-      // Neighbours on the curve are 5e-3 apart, squared.
+      // Neighbors on the curve are 5e-3 apart, squared.
       EXPECT_LT((exact.col((*nearest)[q]) - query).squaredNorm(),
                 least + 2e-6 * (1 + query.squaredNorm()))
           << "query " << q << " around " << middle;

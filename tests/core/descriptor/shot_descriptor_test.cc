@@ -92,7 +92,7 @@ TEST(ShotDescriptorTest, AMirrorImageLooksDifferent) {
   EXPECT_GT(MeanDifference(arms, mirrored, arms.columns.cols()), 0.05);
 }
 
-TEST(ShotDescriptorTest, IsFiniteWhereTheBallHoldsOnlyItsCentre) {
+TEST(ShotDescriptorTest, IsFiniteWhereTheBallHoldsOnlyItsCenter) {
   const Described lonely(FiveArms(1), 1e-3);
   EXPECT_TRUE(lonely.columns.allFinite());
 }

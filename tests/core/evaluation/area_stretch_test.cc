@@ -29,7 +29,7 @@ TEST(AreaStretchTest, AnIsometryStretchesNothingAtAnyScale) {
 TEST(AreaStretchTest, FollowsTheNumbersOfVertices) {
   const TriangleMesh x = BumpySphere(2);
   const VertexMap y_from_x = RandomPermutation(x.num_vertices(), 1);
-  EXPECT_THAT(LogAreaStretch(x, Relabelled(x, y_from_x), y_from_x),
+  EXPECT_THAT(LogAreaStretch(x, Relabeled(x, y_from_x), y_from_x),
               Each(FloatNear(0, 1e-5)));
 }
 
@@ -90,7 +90,7 @@ TEST(AreaStretchTest, ACoarserMeshIsNoCollapse) {
   EXPECT_THAT(stretch, Each(FloatNear(0, 0.5)));
 }
 
-// A vertex for each neighbour's: rounding folds faces over, which must not
+// A vertex for each neighbor's: rounding folds faces over, which must not
 // count as area.
 TEST(AreaStretchTest, RoundingIsNoStretch) {
   const TriangleMesh x = UnitSphere(5);

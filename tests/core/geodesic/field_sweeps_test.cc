@@ -113,7 +113,7 @@ TEST(FieldSweepsTest, AnyUnitOfLengthWillDo) {
 TEST(FieldSweepsTest, OtherComponentsAreUnreachable) {
   const TriangleMesh mesh = TwoSpheres();
   const VertexIndex n = mesh.num_vertices();
-  // Taken in turns, so that no group is of neighbours in the list.
+  // Taken in turns, so that no group is of neighbors in the list.
   const std::vector<VertexIndex> sources = {0, n - 1, 5, n - 9, 40, n / 2};
   EXPECT_LT(GreatestDifference(mesh, sources), 1e-5);
   const std::vector<float> fields =

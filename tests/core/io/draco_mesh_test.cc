@@ -63,7 +63,7 @@ VertexOrder ExpectRoundTrip(const TriangleMesh& mesh) {
 }
 
 TriangleMesh Shuffled(const TriangleMesh& mesh) {
-  return Relabelled(mesh, RandomPermutation(mesh.num_vertices(), /*seed=*/3));
+  return Relabeled(mesh, RandomPermutation(mesh.num_vertices(), /*seed=*/3));
 }
 
 TriangleMesh WithIsolatedVertices(TriangleMesh mesh, int count) {
@@ -180,7 +180,7 @@ TEST(DracoMeshTest, FaceThatRepeatsACornerIsKept) {
             VertexOrder::kDecoded);
 }
 
-TEST(DracoMeshTest, QuantisedPositionsAreWithinTheirStep) {
+TEST(DracoMeshTest, QuantizedPositionsAreWithinTheirStep) {
   const TriangleMesh mesh = Shuffled(BumpySphere(3));
   DracoOptions options;
   options.position_bits = 14;

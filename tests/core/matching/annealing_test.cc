@@ -51,7 +51,7 @@ TEST_F(AnnealingTest, ExchangedMatchesFindBack) {
 }
 
 TEST_F(AnnealingTest, PartnersAreDrawnFromTheNeighbors) {
-  // Match 0 and the match farthest from it are no neighbours among four.
+  // Match 0 and the match farthest from it are no neighbors among four.
   int far = 1;
   for (int i = 2; i < 60; ++i) {
     if (matching_.closeness(kX, 0, i) < matching_.closeness(kX, 0, far)) {

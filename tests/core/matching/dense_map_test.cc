@@ -25,10 +25,10 @@ class Surface {
   const Eigen::VectorXd areas_;
 };
 
-TEST(DenseMapTest, RightMatchesOfARelabelledShapeGiveThePermutation) {
+TEST(DenseMapTest, RightMatchesOfARelabeledShapeGiveThePermutation) {
   const auto permutation = RandomPermutation(642, /*seed=*/6);
   const HashedTestShape x(FiveArms(3), /*pool_size=*/60);
-  const HashedTestShape y(Relabelled(FiveArms(3), permutation), 60);
+  const HashedTestShape y(Relabeled(FiveArms(3), permutation), 60);
   std::vector<VertexMatch> matches;
   for (const VertexIndex v : x.pool().vertices()) {
     matches.push_back({v, permutation[v]});
@@ -38,7 +38,7 @@ TEST(DenseMapTest, RightMatchesOfARelabelledShapeGiveThePermutation) {
   ASSERT_THAT(map, IsOk());
   int right = 0;
   for (VertexIndex v = 0; v < 642; ++v) right += (*map)[v] == permutation[v];
-  // The two hashes use different basis points, so a few neighbours swap.
+  // The two hashes use different basis points, so a few neighbors swap.
   EXPECT_GT(right, 0.9 * 642);
 }
 

@@ -75,7 +75,7 @@ TEST(DecimateTest, KeepsTheBoundaryOfAnOpenMesh) {
 }
 
 TEST(DecimateTest, CoincidingShellsAreDecimatedAsWell) {
-  // Two closed surfaces at one place, as a coat modelled twice.
+  // Two closed surfaces at one place, as a coat modeled twice.
   const TriangleMesh one = FiveArms(4);
   TriangleMesh two;
   two.positions.resize(2 * one.num_vertices(), 3);

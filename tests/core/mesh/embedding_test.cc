@@ -66,7 +66,7 @@ TEST_F(EmbeddingTest, InItselfEveryVertexIsACorner) {
   }
 }
 
-TEST_F(EmbeddingTest, NearestByEdgesIsOneStepFromANeighboursOne) {
+TEST_F(EmbeddingTest, NearestByEdgesIsOneStepFromANeighborsOne) {
   const VertexMap nearest = NearestByEdges(fine_stars_, fine_.num_vertices(),
                                            coarse_.fine_from_coarse);
   for (std::size_t c = 0; c < coarse_.fine_from_coarse.size(); ++c) {

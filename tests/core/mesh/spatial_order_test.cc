@@ -20,9 +20,9 @@ double MeanStep(const TriangleMesh& mesh,
   return sum / static_cast<double>(order.size() - 1);
 }
 
-TEST(SpatialOrderTest, IsAPermutationThatKeepsNeighboursTogether) {
+TEST(SpatialOrderTest, IsAPermutationThatKeepsNeighborsTogether) {
   const TriangleMesh mesh =
-      Relabelled(FiveArms(4), RandomPermutation(2562, /*seed=*/1));
+      Relabeled(FiveArms(4), RandomPermutation(2562, /*seed=*/1));
   std::vector<VertexIndex> given(mesh.num_vertices());
   std::iota(given.begin(), given.end(), 0);
   std::vector<VertexIndex> order = SpatialOrder(mesh.positions);

@@ -46,14 +46,14 @@ TEST(SurfaceSamplesTest, AllAreTakenWhereFewerAreThanAskedFor) {
   for (int v = 0; v < 50; ++v) EXPECT_EQ(chosen[v], v);
 }
 
-TEST(SurfaceSamplesTest, NoVertexHasAHomeFartherThanItsNeighboursHave) {
+TEST(SurfaceSamplesTest, NoVertexHasAHomeFartherThanItsNeighborsHave) {
   const Placed arms(FiveArms(4));
   const SurfaceSamples samples = SampleSurface(arms.stars, arms.areas, 100);
   ASSERT_EQ(samples.vertices.size(), 100u);
   for (int i = 0; i < 100; ++i) {
     EXPECT_EQ(samples.home[samples.vertices[i]], i);
   }
-  // A home is handed on from a neighbour that has it too.
+  // A home is handed on from a neighbor that has it too.
   for (VertexIndex v = 0; v < arms.mesh.num_vertices(); ++v) {
     ASSERT_GE(samples.home[v], 0);
     if (samples.vertices[samples.home[v]] == v) continue;
@@ -76,7 +76,7 @@ TEST(SurfaceSamplesTest, AComponentWithoutASampleHasNoHome) {
 
 TEST(SurfaceSamplesTest, DescentFromSamplesFindsWhatComparingAllFinds) {
   const Placed x(FiveArms(4));
-  const Placed y(Relabelled(FiveArms(5), RandomPermutation(10242, 3)));
+  const Placed y(Relabeled(FiveArms(5), RandomPermutation(10242, 3)));
   const VertexMap all = *NearestColumns(x.columns, y.columns, {});
   const VertexMap descended =
       *NearestBySamples(x.points(), y.points(), 300, {});

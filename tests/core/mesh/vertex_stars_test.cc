@@ -46,7 +46,7 @@ TEST(VertexStarsTest, ABallOfAFanHoldsAQuarterOfIt) {
   ConnectedBall ball(positions, stars);
   EXPECT_EQ(ball.Around(0, 10).size(), 2000u);
   EXPECT_EQ(ball.Around(5, 10).front().vertex, 5);
-  EXPECT_EQ(ball.Around(5, 2e-3).size(), 3u);  // beside its two neighbours
+  EXPECT_EQ(ball.Around(5, 2e-3).size(), 3u);  // beside its two neighbors
 }
 
 }  // namespace

@@ -49,7 +49,7 @@ VertexIndex Tip(const TriangleMesh& mesh, const Eigen::RowVector3d& direction) {
   return static_cast<VertexIndex>(tip);
 }
 
-/// FiveArms and a twisted, relabelled copy.
+/// FiveArms and a twisted, relabeled copy.
 class LandmarkMatchTest : public testing::Test {
  protected:
   absl::StatusOr<Correspondence> Run(const Landmarks& landmarks) const {
@@ -123,7 +123,7 @@ class LandmarkMatchTest : public testing::Test {
   const MatchOptions options_ = QuickOptions();
   const TriangleMesh x_ = FiveArms(3);
   const VertexMap truth_ = RandomPermutation(x_.num_vertices(), /*seed=*/3);
-  const TriangleMesh y_ = Relabelled(Moved(Twisted(x_, 0.25), 7), truth_);
+  const TriangleMesh y_ = Relabeled(Moved(Twisted(x_, 0.25), 7), truth_);
   const GeodesicErrorMeter meter_{y_};
 };
 
@@ -296,7 +296,7 @@ TEST_F(LandmarkSideTest, OnesOnOneSideOnlyBringTheOtherSideAlong) {
   EXPECT_LT(MeanError(Find(OnesOnTheLeft(mirror_)), mirror_), 0.01);
 }
 
-/// Two copies of FiveArms as core works on them: centred, of area 1.
+/// Two copies of FiveArms as core works on them: centered, of area 1.
 
 }  // namespace
 }  // namespace isomatch

@@ -40,11 +40,11 @@ MatchOptions QuickOptionsOf(Profile profile) {
   return options;
 }
 
-TEST(MatcherTest, UndoesARelabelling) {
+TEST(MatcherTest, UndoesARelabeling) {
   const TriangleMesh mesh = FiveArms(3);
   const auto permutation = RandomPermutation(mesh.num_vertices(), /*seed=*/1);
   for (const Profile profile : kProfiles) {
-    const auto found = Match(mesh, Moved(Relabelled(mesh, permutation), 37), {},
+    const auto found = Match(mesh, Moved(Relabeled(mesh, permutation), 37), {},
                              QuickOptionsOf(profile));
     ASSERT_THAT(found, IsOk());
     EXPECT_GT(FractionRight(found->y_from_x, permutation), 0.99)
@@ -143,7 +143,7 @@ TEST(MatcherTest, DoesNotDependOnTheUnit) {
   const auto permutation = RandomPermutation(x.num_vertices(), /*seed=*/1);
   for (const double scale : {1e-6, 1e6}) {
     const auto found =
-        Match(Moved(x, scale), Relabelled(x, permutation), {}, QuickOptions());
+        Match(Moved(x, scale), Relabeled(x, permutation), {}, QuickOptions());
     ASSERT_THAT(found, IsOk());
     EXPECT_GT(FractionRight(found->y_from_x, permutation), 0.99);
   }
@@ -152,7 +152,7 @@ TEST(MatcherTest, DoesNotDependOnTheUnit) {
 TEST(MatcherTest, LandmarksTakeThePlaceOfSeeds) {
   const TriangleMesh mesh = FiveArms(3);
   const auto permutation = RandomPermutation(mesh.num_vertices(), /*seed=*/2);
-  const TriangleMesh other = Moved(Relabelled(mesh, permutation), 3);
+  const TriangleMesh other = Moved(Relabeled(mesh, permutation), 3);
   for (const std::size_t count : {1, 2, 6, 100, 400}) {
     std::vector<Landmark> landmarks;
     for (std::size_t i = 0; i < count; ++i) {
@@ -176,7 +176,7 @@ TEST(MatcherTest, PrecisePointsOfLandmarksAreTheirs) {
   const std::vector<Landmark> landmarks = {
       {10, permutation[11]}, {200, permutation[200]}, {400, permutation[400]}};
   const auto found =
-      Match(mesh, Moved(Relabelled(mesh, permutation), 3), landmarks, options);
+      Match(mesh, Moved(Relabeled(mesh, permutation), 3), landmarks, options);
   ASSERT_THAT(found, IsOk());
   for (const Landmark& landmark : landmarks) {
     EXPECT_EQ(found->y_from_x[landmark.x], landmark.y);

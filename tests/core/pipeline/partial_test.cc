@@ -23,7 +23,7 @@ using testing::HasSubstr;
 const Eigen::RowVector3d kLongestArm(1, 0.1, 0.05);
 const Eigen::RowVector3d kSecondArm(0.2, 1, 0.1);
 
-/// FiveArms, and the same relabelled and moved without one arm.
+/// FiveArms, and the same relabeled and moved without one arm.
 class PartialTest : public testing::Test {
  protected:
   /// Cuts off what lies beyond `height` along `arm`.
@@ -33,7 +33,7 @@ class PartialTest : public testing::Test {
     part_from_whole_.assign(whole_.num_vertices(), kNoVertex);
     const auto permutation =
         RandomPermutation(part_.mesh.num_vertices(), /*seed=*/6);
-    part_.mesh = Moved(Relabelled(part_.mesh, permutation), kScale);
+    part_.mesh = Moved(Relabeled(part_.mesh, permutation), kScale);
     VertexMap origin(part_.origin.size());
     for (std::size_t v = 0; v < origin.size(); ++v) {
       origin[permutation[v]] = part_.origin[v];

@@ -107,7 +107,7 @@ TEST_P(PreparedShapeTest, OptionsThatPrepareAlikeHaveTheSameText) {
   EXPECT_NE(PreparationText(options_), PreparationText(other));
 }
 
-TEST_P(PreparedShapeTest, SurvivesSerialisation) {
+TEST_P(PreparedShapeTest, SurvivesSerialization) {
   const PreparedShape x = Prepared(x_);
   const PreparedShape y = Prepared(y_);
   const std::string bytes = SerializePreparedShape(y);

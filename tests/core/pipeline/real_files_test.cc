@@ -1,5 +1,5 @@
 // Meshes as they come out of files. Each test damages FiveArms in one way, has
-// it matched with a good, relabelled and moved copy, both ways round, and
+// it matched with a good, relabeled and moved copy, both ways round, and
 // measures the error on the good mesh.
 
 #include <cmath>
@@ -56,7 +56,7 @@ absl::StatusOr<Measured> MatchAndMeasure(const GeodesicErrorMeter& meter,
 DirtyMesh Disguised(const DirtyMesh& dirty, double scale) {
   const VertexIndex n = dirty.mesh.num_vertices();
   const auto permutation = RandomPermutation(n, /*seed=*/5);
-  DirtyMesh result{Moved(Relabelled(dirty.mesh, permutation), scale),
+  DirtyMesh result{Moved(Relabeled(dirty.mesh, permutation), scale),
                    VertexMap(n)};
   for (VertexIndex v = 0; v < n; ++v) {
     result.origin[permutation[v]] = dirty.origin[v];

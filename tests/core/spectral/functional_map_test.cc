@@ -81,11 +81,11 @@ TEST(DenseFunctionalMapTest, IsThatOfTheMapInSinglePrecision) {
             1e-3 * carried_slowly.cwiseAbs().maxCoeff());
 }
 
-TEST(FunctionalMapTest, RelabellingIsUndoneByTheVertexMap) {
+TEST(FunctionalMapTest, RelabelingIsUndoneByTheVertexMap) {
   const TriangleMesh mesh = FiveArms(3);
   const auto permutation = RandomPermutation(mesh.num_vertices(), /*seed=*/4);
   const SpectralBasis basis_x = BasisOf(mesh, 30);
-  const SpectralBasis basis_y = BasisOf(Relabelled(mesh, permutation), 30);
+  const SpectralBasis basis_y = BasisOf(Relabeled(mesh, permutation), 30);
   const Eigen::MatrixXd fmap =
       FunctionalMapFromVertexMap(basis_x, basis_y, permutation, 30);
   EXPECT_LT(

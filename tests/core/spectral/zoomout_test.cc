@@ -15,7 +15,7 @@ class ZoomOutTest : public testing::Test {
  protected:
   ZoomOutTest()
       : permutation_(RandomPermutation(mesh_.num_vertices(), /*seed=*/5)),
-        mesh_y_(Relabelled(mesh_, permutation_)),
+        mesh_y_(Relabeled(mesh_, permutation_)),
         stars_x_(mesh_),
         stars_y_(mesh_y_),
         basis_x_(*ComputeSpectralBasis(BuildCotanLaplacian(mesh_), 60, {})),

@@ -303,7 +303,7 @@ TEST_F(JobWatchTest, MemoryThatNoJobHasIsNoJobsFault) {
 }
 
 // "The system ends the process for its memory", three times.
-TEST_F(JobWatchTest, TheNeighbourOfAJobThatTakesTheServerDownSucceeds) {
+TEST_F(JobWatchTest, TheNeighborOfAJobThatTakesTheServerDownSucceeds) {
   limits_.workers = 2;
   NextProcess();
   const std::string poison = Create();

@@ -88,7 +88,7 @@ TEST_F(DurabilityTest, QueuedAndRunningJobsRunWhenTheServerStartsAgain) {
   }
 }
 
-TEST_F(DurabilityTest, ResultsAreTheSameAfterwards) {
+TEST_F(DurabilityTest, ResultsAreTheSameAfterward) {
   const std::string name = CreateJob();
   const v1::Job before = Watch(name).back();
   std::string bytes;

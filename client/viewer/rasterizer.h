@@ -9,7 +9,7 @@
 
 namespace isomatch {
 
-/// What is drawn over the colours.
+/// What is drawn over the colors.
 enum class Pattern { kPlain, kStripes, kChecker };
 
 /// A surface as the viewer sees it.
@@ -19,7 +19,7 @@ struct DrawnSurface {
   const Faces& faces;
   /// n x 3 unit vectors: right, up, to the viewer.
   Positions normals;
-  absl::Span<const Rgb> colours;
+  absl::Span<const Rgb> colors;
   /// n x 3: where the pattern puts each vertex, in stripes.
   const Positions& places;
 };

@@ -1,4 +1,4 @@
-#include "client/viewer/rasteriser.h"
+#include "client/viewer/rasterizer.h"
 
 #include <algorithm>
 #include <array>
@@ -29,7 +29,7 @@ double Band(double t, double width) {
   return step * step * (3 - 2 * step);
 }
 
-/// What the pattern leaves of a colour.
+/// What the pattern leaves of a color.
 double PatternShade(Pattern pattern, const Array3d& place,
                     const Array3d& width) {
   if (pattern == Pattern::kPlain) return 1;
@@ -50,7 +50,7 @@ class Face {
       normals_.row(corner) = surface.normals.row(v);
       places_.row(corner) = surface.places.row(v);
       for (int channel = 0; channel < 3; ++channel) {
-        colours_(corner, channel) = surface.colours[v][channel] / 255.0;
+        colors_(corner, channel) = surface.colors[v][channel] / 255.0;
       }
     }
     const RowVector3d ab = points_.row(1) - points_.row(0);
@@ -103,10 +103,10 @@ class Face {
         kGloss * std::pow(std::max(0.0, normal.dot(kHalfway)), kGlossExponent);
     const double pattern_shade = PatternShade(
         pattern, (weights * places_).transpose().array(), place_width_);
-    const RowVector3d colour = weights * colours_;
+    const RowVector3d color = weights * colors_;
     Rgb shaded;
     for (int channel = 0; channel < 3; ++channel) {
-      const double value = colour[channel] * pattern_shade * light + gloss;
+      const double value = color[channel] * pattern_shade * light + gloss;
       shaded[channel] = static_cast<std::uint8_t>(
           std::lround(255 * std::clamp(value, 0.0, 1.0)));
     }
@@ -117,7 +117,7 @@ class Face {
   Eigen::Matrix3d points_;
   Eigen::Matrix3d normals_;
   Eigen::Matrix3d places_;
-  Eigen::Matrix3d colours_;
+  Eigen::Matrix3d colors_;
   Eigen::Matrix2d gradient_;
   Array3d place_width_;
   bool is_seen_ = false;
