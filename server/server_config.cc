@@ -1,38 +1,19 @@
 #include "server/server_config.h"
 
-#include <arpa/inet.h>
-
 #include <algorithm>
+#include <optional>
 #include <utility>
 #include <vector>
 
 #include "absl/algorithm/container.h"
 #include "absl/strings/match.h"
-#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "core/base/host_port.h"
 #include "core/base/status_macros.h"
 
 namespace isomatch {
 namespace {
-
-bool IsLoopback(const std::string& host) {
-  in_addr address = {};
-  // Not every name that begins with 127. is such an address.
-  return host == "localhost" || host == "[::1]" ||
-         (absl::StartsWith(host, "127.") &&
-          inet_pton(AF_INET, host.c_str(), &address) == 1);
-}
-
-/// HOST:PORT, with a HOST.
-bool IsAddress(const std::string& text) {
-  constexpr int kMaxPort = 65535;
-  const size_t colon = text.rfind(':');
-  int port = -1;
-  return colon != std::string::npos && colon > 0 &&
-         absl::SimpleAtoi(text.substr(colon + 1), &port) && port >= 0 &&
-         port <= kMaxPort;
-}
 
 absl::Status CheckListen(const std::string& listen) {
   if (listen.empty()) return absl::OkStatus();
@@ -77,12 +58,12 @@ absl::Status CheckMetricsListen(const ServerConfig& config) {
   const std::string& listen = config.metrics_listen;
   if (listen == "off") return absl::OkStatus();
   // Debian's civetweb, which serves the metrics, knows no IPv6.
-  if (!IsAddress(listen) || absl::StartsWith(listen, "[")) {
+  const std::optional<HostPort> parts = ParseHostPort(listen);
+  if (!parts || absl::StartsWith(listen, "[")) {
     return WrongValue("--metrics-listen", listen,
                       "HOST:PORT of IPv4, e.g. 127.0.0.1:7444, or off");
   }
-  if (config.insecure || config.insecure_metrics ||
-      IsLoopback(listen.substr(0, listen.rfind(':')))) {
+  if (config.insecure || config.insecure_metrics || IsLoopback(parts->host)) {
     return absl::OkStatus();
   }
   return absl::InvalidArgumentError(absl::StrCat(
@@ -110,7 +91,7 @@ absl::Status CheckBytesOfHalf(absl::string_view field, std::int64_t value,
 
 absl::Status CheckServerAddress(absl::string_view field,
                                 const std::string& address) {
-  if (absl::StartsWith(address, "unix:") || IsAddress(address)) {
+  if (absl::StartsWith(address, "unix:") || ParseHostPort(address)) {
     return absl::OkStatus();
   }
   return WrongValue(field, address,
@@ -118,8 +99,7 @@ absl::Status CheckServerAddress(absl::string_view field,
 }
 
 bool ServerConfig::is_exposed() const {
-  return !listen.empty() && !absl::StartsWith(listen, "unix:") &&
-         !IsLoopback(listen.substr(0, listen.rfind(':')));
+  return !listen.empty() && !IsLoopbackAddress(listen);
 }
 
 absl::Status ServerConfig::Validate() const {

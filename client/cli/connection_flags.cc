@@ -1,17 +1,18 @@
 #include "client/cli/connection_flags.h"
 
 #include <cstddef>
+#include <optional>
 
 #include <CLI/CLI.hpp>
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
-#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "absl/strings/string_view.h"
 #include "client/cli/option_support.h"
 #include "client/files/text_file.h"
+#include "core/base/host_port.h"
 #include "core/base/status_macros.h"
 
 namespace isomatch {
@@ -28,12 +29,9 @@ std::string CheckAddress(const std::string& address) {
                         address.substr(0, scheme + 3),
                         "; --tls-ca asks for an encrypted connection");
   }
-  const std::size_t colon = address.rfind(':');
-  int port = 0;
-  if (colon != std::string::npos && colon > 0 &&
-      address.find_first_of("/ \t") == std::string::npos &&
-      absl::SimpleAtoi(address.substr(colon + 1), &port) && port > 0 &&
-      port <= 65535) {
+  const std::optional<HostPort> parts = ParseHostPort(address);
+  if (parts && parts->port > 0 &&
+      address.find_first_of("/ \t") == std::string::npos) {
     return "";
   }
   return absl::StrCat("'", address, "', expected HOST:PORT");
@@ -76,13 +74,6 @@ absl::StatusOr<std::string> ChooseKey(const ConnectionFlags& flags,
   if (key.empty() || IsApiKeyText(key)) return key;
   return absl::InvalidArgumentError(
       absl::StrCat(kEnvironmentKey, ": expected an API key without blanks"));
-}
-
-bool IsThisMachine(const std::string& address) {
-  return absl::StartsWith(address, "unix:") ||
-         absl::StartsWith(address, "localhost:") ||
-         absl::StartsWith(address, "[::1]:") ||
-         absl::StartsWith(address, "127.");
 }
 
 }  // namespace
@@ -149,7 +140,7 @@ absl::StatusOr<ConnectionSecurity> LoadSecurity(const ConnectionFlags& flags,
 std::vector<std::string> SecurityWarnings(const ConnectionFlags& flags,
                                           const ConnectionSecurity& security) {
   if (security.api_key.empty() || !security.ca_pem.empty() ||
-      IsThisMachine(flags.server)) {
+      IsLoopbackAddress(flags.server)) {
     return {};
   }
   return {absl::StrCat("the API key travels unencrypted to ", flags.server,

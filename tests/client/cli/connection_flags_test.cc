@@ -84,6 +84,14 @@ TEST_F(ConnectionFlagsTest, AKeyThatTravelsOpenlyIsWarnedOf) {
   }
 }
 
+TEST_F(ConnectionFlagsTest, ANameThatBeginsAsLoopbackIsAnotherMachine) {
+  ConnectionSecurity security;
+  security.api_key = "isomatch_a";
+  flags_.server = "127.evil.example:7443";
+  EXPECT_THAT(SecurityWarnings(flags_, security),
+              ElementsAre(HasSubstr("unencrypted")));
+}
+
 TEST(ConnectionCommandTest, FlagsThatLackAnotherExitWith2) {
   for (const std::vector<std::string>& flags :
        std::vector<std::vector<std::string>>{
