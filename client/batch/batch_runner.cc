@@ -12,9 +12,9 @@
 #include "client/files/map_file.h"
 #include "client/files/mesh_input.h"
 #include "client/files/text_file.h"
+#include "client/job/map_errors.h"
 #include "client/job/match_files.h"
 #include "core/base/status_macros.h"
-#include "core/evaluation/geodesic_error.h"
 
 namespace isomatch {
 namespace {
@@ -54,21 +54,14 @@ absl::StatusOr<BatchError> MeasureError(const BatchPair& pair,
                                         const std::stop_token& stop) {
   ISOMATCH_ASSIGN_OR_RETURN(const LoadedMesh y,
                             LoadMeshFile(pair.y, "Y", weld));
-  const VertexIndex vertices_y = y.mesh.num_vertices();
   ISOMATCH_ASSIGN_OR_RETURN(const VertexMap found,
-                            ReadMap(record.map_path(), vertices_y));
-  ISOMATCH_ASSIGN_OR_RETURN(
-      const GroundTruth truth,
-      ReadGroundTruth(pair.truth, static_cast<std::int64_t>(found.size()),
-                      vertices_y));
-  const GeodesicErrorMeter meter(y.mesh);
-  ISOMATCH_ASSIGN_OR_RETURN(const GeodesicError direct,
-                            meter.Measure(found, truth.direct, stop));
-  BatchError error = {direct.mean_over_diameter, direct.mean_over_diameter};
-  if (!truth.mirrored.empty()) {
-    ISOMATCH_ASSIGN_OR_RETURN(const GeodesicError mirrored,
-                              meter.Measure(found, truth.mirrored, stop));
-    error.best = std::min(error.best, mirrored.mean_over_diameter);
+                            ReadMap(record.map_path(), y.mesh.num_vertices()));
+  ISOMATCH_ASSIGN_OR_RETURN(const MapErrors errors,
+                            MeasureMap({found}, y.mesh, pair.truth, stop));
+  const double direct = errors.direct.mean_over_diameter;
+  BatchError error = {direct, direct};
+  if (errors.mirrored) {
+    error.best = std::min(direct, errors.mirrored->mean_over_diameter);
   }
   return error;
 }

@@ -12,12 +12,10 @@
 #include "client/cli/command_support.h"
 #include "client/cli/commands.h"
 #include "client/cli/option_support.h"
-#include "client/files/map_file.h"
-#include "client/files/mesh_file.h"
 #include "client/files/mesh_input.h"
 #include "client/files/place_file.h"
+#include "client/job/map_errors.h"
 #include "core/base/status_macros.h"
-#include "core/evaluation/geodesic_error.h"
 
 namespace isomatch {
 namespace {
@@ -48,39 +46,26 @@ struct EvaluateArguments {
   bool json = false;
 };
 
-struct Errors {
-  GeodesicError direct;
-  std::optional<GeodesicError> mirrored;
+struct Measured {
+  MapErrors errors;
   bool is_precise = false;
 };
 
-absl::StatusOr<Errors> Measure(const EvaluateArguments& arguments,
-                               const std::stop_token& stop) {
+absl::StatusOr<Measured> Measure(const EvaluateArguments& arguments,
+                                 const std::stop_token& stop) {
   ISOMATCH_ASSIGN_OR_RETURN(const LoadedMesh y,
                             LoadMeshFile(arguments.y, "Y", arguments.weld));
-  const VertexIndex vertices_y = y.mesh.num_vertices();
   ISOMATCH_ASSIGN_OR_RETURN(
       const PlacesOnY places,
       ReadPlaces(arguments.map, /*vertices_x=*/std::nullopt,
                  y.WithFileFaces()));
-  const VertexMap found = places.HeaviestVertices();
+  const VertexMap vertices = places.HeaviestVertices();
+  Measured measured;
+  measured.is_precise = places.is_precise;
   ISOMATCH_ASSIGN_OR_RETURN(
-      const GroundTruth truth,
-      ReadGroundTruth(arguments.truth, static_cast<std::int64_t>(found.size()),
-                      vertices_y));
-  const GeodesicErrorMeter meter(y.mesh);
-  const auto measure = [&](const VertexMap& true_vertices) {
-    return places.is_precise ? meter.Measure(y.file_faces, places.on_faces,
-                                             true_vertices, stop)
-                             : meter.Measure(found, true_vertices, stop);
-  };
-  Errors errors;
-  errors.is_precise = places.is_precise;
-  ISOMATCH_ASSIGN_OR_RETURN(errors.direct, measure(truth.direct));
-  if (!truth.mirrored.empty()) {
-    ISOMATCH_ASSIGN_OR_RETURN(errors.mirrored, measure(truth.mirrored));
-  }
-  return errors;
+      measured.errors, MeasureMap({vertices, places.on_faces, &y.file_faces},
+                                  y.mesh, arguments.truth, stop));
+  return measured;
 }
 
 nlohmann::ordered_json ErrorJson(const GeodesicError& error) {
@@ -97,10 +82,11 @@ nlohmann::ordered_json ErrorJson(const GeodesicError& error) {
           {"unmatched", error.unmatched}};
 }
 
-std::string FormatJson(const Errors& errors) {
+std::string FormatJson(const Measured& measured) {
+  const auto& [errors, is_precise] = measured;
   nlohmann::ordered_json json = {{"diameter", errors.direct.diameter},
                                  {"sqrt_area", errors.direct.sqrt_area},
-                                 {"precise", errors.is_precise},
+                                 {"precise", is_precise},
                                  {"direct", ErrorJson(errors.direct)}};
   if (errors.mirrored) json["mirrored"] = ErrorJson(*errors.mirrored);
   constexpr int kIndent = 2;
@@ -124,9 +110,10 @@ std::string FormatText(const std::string& name, const GeodesicError& error) {
 
 absl::Status RunEvaluate(const EvaluateArguments& arguments,
                          const Terminal& terminal) {
-  ISOMATCH_ASSIGN_OR_RETURN(const Errors errors,
+  ISOMATCH_ASSIGN_OR_RETURN(const Measured measured,
                             Measure(arguments, terminal.stop));
-  if (arguments.json) return Print(FormatJson(errors), terminal);
+  if (arguments.json) return Print(FormatJson(measured), terminal);
+  const MapErrors& errors = measured.errors;
   std::string text = FormatText("direct", errors.direct);
   if (errors.mirrored) text += FormatText("mirrored", *errors.mirrored);
   return Print(text, terminal);

@@ -22,6 +22,7 @@
 #include "client/files/place_file.h"
 #include "client/files/text_file.h"
 #include "client/files/vertex_colors.h"
+#include "client/job/map_errors.h"
 #include "client/job/part_files.h"
 #include "client/picture/image.h"
 #include "client/viewer/figures.h"
@@ -29,7 +30,6 @@
 #include "client/viewer/page.h"
 #include "client/viewer/picture.h"
 #include "core/base/status_macros.h"
-#include "core/evaluation/geodesic_error.h"
 
 namespace isomatch {
 namespace {
@@ -165,26 +165,14 @@ absl::StatusOr<NamedMesh> LoadNamedMesh(const std::string& path,
 absl::Status AddError(const ViewArguments& arguments, const Terminal& terminal,
                       const MappedPair& pair, const TriangleMesh& welded_y,
                       PairView& view) {
-  ISOMATCH_ASSIGN_OR_RETURN(
-      const GroundTruth truth,
-      ReadGroundTruth(arguments.truth, pair.mesh_x.num_vertices(),
-                      pair.mesh_y.num_vertices()));
   Say(terminal, absl::StrCat("measuring geodesic errors of ",
                              pair.mesh_x.num_vertices(), " vertices"));
-  const GeodesicErrorMeter meter(welded_y);
-  const auto measure = [&](const VertexMap& true_vertices) {
-    return pair.precise.empty()
-               ? meter.Measure(pair.y_from_x, true_vertices, terminal.stop)
-               : meter.Measure(pair.mesh_y.faces, pair.precise, true_vertices,
-                               terminal.stop);
-  };
-  ISOMATCH_ASSIGN_OR_RETURN(const GeodesicError error, measure(truth.direct));
-  std::optional<GeodesicError> mirrored;
-  if (!truth.mirrored.empty()) {
-    ISOMATCH_ASSIGN_OR_RETURN(mirrored, measure(truth.mirrored));
-  }
-  view.layers.push_back(ErrorLayer(pair, error));
-  view.figures.push_back(ErrorFigures(error, mirrored));
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const MapErrors errors,
+      MeasureMap({pair.y_from_x, pair.precise, &pair.mesh_y.faces}, welded_y,
+                 arguments.truth, terminal.stop));
+  view.layers.push_back(ErrorLayer(pair, errors.direct));
+  view.figures.push_back(ErrorFigures(errors.direct, errors.mirrored));
   return absl::OkStatus();
 }
 
