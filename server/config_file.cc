@@ -1,93 +1,67 @@
 #include "server/config_file.h"
 
 #include <algorithm>
-#include <set>
-#include <utility>
+#include <optional>
 
 #include "absl/status/status.h"
-#include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
-#include "core/base/status_macros.h"
+#include "absl/strings/string_view.h"
+
+#define TOML_EXCEPTIONS 0
+#include <toml++/toml.h>
 
 namespace isomatch {
 namespace {
 
-absl::Status WrongLine(int line, absl::string_view what) {
-  return absl::InvalidArgumentError(absl::StrCat("line ", line, ": ", what));
+absl::Status WrongLine(const toml::source_region& place,
+                       absl::string_view what) {
+  return absl::InvalidArgumentError(
+      absl::StrCat("line ", place.begin.line, ": ", what));
 }
 
-bool IsKey(absl::string_view text) {
-  return !text.empty() && absl::ascii_isalpha(text[0]) &&
-         std::all_of(text.begin(), text.end(), [](char c) {
-           return absl::ascii_isalnum(c) || c == '-' || c == '_';
-         });
-}
-
-/// True when nothing but a comment is left.
-bool IsRest(absl::string_view text) {
-  text = absl::StripLeadingAsciiWhitespace(text);
-  return text.empty() || text[0] == '#';
-}
-
-/// Reads "..." with \" and \\, or '...'. False: it is neither.
-bool ReadQuoted(absl::string_view text, std::string& value) {
-  const char quote = text[0];
-  for (size_t i = 1; i < text.size(); ++i) {
-    if (text[i] == quote) return IsRest(text.substr(i + 1));
-    if (text[i] == '\\' && quote == '"') {
-      if (++i == text.size() || (text[i] != '"' && text[i] != '\\')) {
-        return false;
-      }
-    }
-    value += text[i];
+/// As a flag has it on the command line; none for what flags cannot be.
+std::optional<std::string> TextOf(const toml::node& node) {
+  if (const auto* text = node.as_string()) return text->get();
+  if (const auto* number = node.as_integer())
+    return absl::StrCat(number->get());
+  if (const auto* number = node.as_floating_point()) {
+    return absl::StrCat(number->get());
   }
-  return false;
-}
-
-bool ReadValue(absl::string_view text, std::string& value) {
-  if (text.empty()) return false;
-  if (text[0] == '"' || text[0] == '\'') return ReadQuoted(text, value);
-  value = std::string(text.substr(0, text.find_first_of(" \t#\"'[]")));
-  return !value.empty() && IsRest(text.substr(value.size()));
-}
-
-absl::StatusOr<ConfigEntry> ReadEntry(int line, absl::string_view text) {
-  const size_t equals = text.find('=');
-  if (equals == absl::string_view::npos) {
-    return WrongLine(line, "expected KEY = VALUE");
+  if (const auto* truth = node.as_boolean()) {
+    return truth->get() ? "true" : "false";
   }
-  ConfigEntry entry{
-      line, std::string(absl::StripAsciiWhitespace(text.substr(0, equals))),
-      ""};
-  if (!IsKey(entry.key)) {
-    return WrongLine(line,
-                     "expected KEY = VALUE, KEY being a flag's name "
-                     "without its dashes");
-  }
-  if (!ReadValue(absl::StripAsciiWhitespace(text.substr(equals + 1)),
-                 entry.value)) {
-    return WrongLine(line, absl::StrCat(entry.key,
-                                        ": expected a word, a number, true, "
-                                        "false or a string in quotes"));
-  }
-  return entry;
+  return std::nullopt;
 }
 
 }  // namespace
 
 absl::StatusOr<std::vector<ConfigEntry>> ReadConfigFile(std::istream& file) {
-  std::vector<ConfigEntry> entries;
-  std::set<std::string> keys;
-  int line = 0;
-  for (std::string text; std::getline(file, text);) {
-    ++line;
-    if (IsRest(text)) continue;
-    ISOMATCH_ASSIGN_OR_RETURN(ConfigEntry entry, ReadEntry(line, text));
-    if (!keys.insert(entry.key).second) {
-      return WrongLine(line, absl::StrCat(entry.key, " comes twice"));
-    }
-    entries.push_back(std::move(entry));
+  const toml::parse_result parsed = toml::parse(file);
+  if (!parsed) {
+    const toml::parse_error& error = parsed.error();
+    const std::string_view what = error.description();
+    return WrongLine(error.source(),
+                     absl::StrCat(absl::string_view(what.data(), what.size()),
+                                  "; expected KEY = VALUE, texts in quotes"));
   }
+  std::vector<ConfigEntry> entries;
+  for (const auto& [key, node] : parsed.table()) {
+    const std::string name(key.str());
+    std::optional<std::string> value = TextOf(node);
+    if (!value) {
+      return WrongLine(
+          key.source(),
+          absl::StrCat(name,
+                       ": expected a number, true, false or a string in "
+                       "quotes"));
+    }
+    const auto line = static_cast<int>(key.source().begin.line);
+    entries.push_back({line, name, *std::move(value)});
+  }
+  std::sort(entries.begin(), entries.end(),
+            [](const ConfigEntry& a, const ConfigEntry& b) {
+              return a.line < b.line;
+            });
   return entries;
 }
 

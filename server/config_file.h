@@ -15,15 +15,15 @@ struct ConfigEntry {
   std::string value;
 };
 
-/// Reads a file of lines such as
+/// Reads a TOML file whose keys are flags without their dashes:
 ///
 ///   # a comment
 ///   workers = 2
-///   listen = "127.0.0.1:7443"   # quotes where the value has a # or a space
+///   listen = "127.0.0.1:7443"
 ///
-/// a subset of TOML, except that strings may go without quotes. Keys are flags
-/// without their dashes. INVALID_ARGUMENT naming the line: no such line, or a
-/// key that came before.
+/// Values are strings, numbers and truth values. Entries are in the order of
+/// the file. INVALID_ARGUMENT naming the line: no TOML, a key that comes twice,
+/// or a value that is none of these.
 absl::StatusOr<std::vector<ConfigEntry>> ReadConfigFile(std::istream& file);
 
 /// Returns `text` in quotes, as ReadConfigFile reads it back.

@@ -24,7 +24,8 @@ std::string Value(const std::string& text) {
 }
 
 TEST(ConfigFileTest, ReadsKeysValuesAndLineNumbers) {
-  const auto entries = Read("# comment\n\n  workers = 2\nlog-level=debug\n");
+  const auto entries =
+      Read("# comment\n\n  workers = 2\nlog-level=\"debug\"\n");
   ASSERT_THAT(entries, IsOk());
   ASSERT_EQ(entries->size(), 2);
   EXPECT_EQ(entries->at(0).key, "workers");
@@ -35,8 +36,9 @@ TEST(ConfigFileTest, ReadsKeysValuesAndLineNumbers) {
 }
 
 TEST(ConfigFileTest, ValuesMayBeQuotedAndFollowedByAComment) {
-  EXPECT_EQ(Value("word"), "word");
-  EXPECT_EQ(Value("word # comment"), "word");
+  EXPECT_EQ(Value("true # comment"), "true");
+  EXPECT_EQ(Value("-100 # comment"), "-100");
+  EXPECT_EQ(Value("0.5"), "0.5");
   EXPECT_EQ(Value(R"("two words # and this" # comment)"),
             "two words # and this");
   EXPECT_EQ(Value(R"('a\b "c"')"), R"(a\b "c")");
@@ -53,8 +55,9 @@ TEST(ConfigFileTest, QuotedValuesAreReadBack) {
 TEST(ConfigFileTest, WrongLinesAreRefusedWithTheirNumber) {
   for (const char* line :
        {"workers", "[network]", "= 2", "workers =", "workers = 2 3",
-        "workers = \"2", "workers = \"2\" 3", "workers = [2]", "-w = 2",
-        "wor kers = 2", "w = \"\\n\"", "w = 'a", "w = \"\\"}) {
+        "workers = \"2", "workers = \"2\" 3", "workers = [2]", "wor kers = 2",
+        "w = 'a", "w = \"\\", "w = word", "w = 30s", "w = 2026-11-24",
+        "w.x = 2"}) {
     EXPECT_THAT(Read(std::string("a = 1\n") + line),
                 StatusIs(absl::StatusCode::kInvalidArgument,
                          testing::StartsWith("line 2: ")))
@@ -65,7 +68,7 @@ TEST(ConfigFileTest, WrongLinesAreRefusedWithTheirNumber) {
 TEST(ConfigFileTest, AKeyComesOnce) {
   EXPECT_THAT(Read("workers = 1\nworkers = 1\n"),
               StatusIs(absl::StatusCode::kInvalidArgument,
-                       "line 2: workers comes twice"));
+                       testing::StartsWith("line 2: ")));
 }
 
 }  // namespace

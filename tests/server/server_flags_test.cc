@@ -81,13 +81,13 @@ TEST_F(ServerFlagsSourcesTest, EveryFlagComesFromAFile) {
   const Parsed parsed = Parse(
       {"--config",
        WriteFile("listen = \"unix:/tmp/a b\"\ninsecure = true\n"
-                 "metrics-listen = off\nworkers = 2\nthreads-per-job = 3\n"
-                 "memory-budget = 4GiB\nblob-store-bytes = 5GiB\n"
+                 "metrics-listen = \"off\"\nworkers = 2\nthreads-per-job = 3\n"
+                 "memory-budget = \"4GiB\"\nblob-store-bytes = \"5GiB\"\n"
                  "max-queued-jobs = 6\nmax-kept-jobs = 7\n"
-                 "max-request-bytes = 8MiB\nmax-mesh-bytes = 9MiB\n"
-                 "drain-timeout = 10s\nwatch-heartbeat = 11s\n"
-                 "upload-idle-timeout = 12\nlog-level = debug\n"
-                 "log-format = json\n")});
+                 "max-request-bytes = \"8MiB\"\nmax-mesh-bytes = \"9MiB\"\n"
+                 "drain-timeout = \"10s\"\nwatch-heartbeat = \"11s\"\n"
+                 "upload-idle-timeout = 12\nlog-level = \"debug\"\n"
+                 "log-format = \"json\"\n")});
   ASSERT_EQ(parsed.status, std::nullopt) << parsed.errors;
   const ServerConfig& config = parsed.config();
   EXPECT_EQ(config.listen, "unix:/tmp/a b");
@@ -176,7 +176,8 @@ TEST_F(ServerFlagsSourcesTest, ThePrintedConfigurationHasEveryFlag) {
 TEST_F(ServerFlagsSourcesTest, WrongKeysOfAFileAreRefused) {
   ExpectRefused({"--config", WriteFile("workers = 1\nworkerz = 2\n")},
                 "--config: line 2: unknown key workerz");
-  ExpectRefused({"--config", WriteFile("[network]\n")}, "line 1: expected");
+  ExpectRefused({"--config", WriteFile("[network]\n")},
+                "line 1: network: expected");
   for (const char* key :
        {"help", "version", "config", "print-config", "health"}) {
     ExpectRefused({"--config", WriteFile(absl::StrCat(key, " = true\n"))},
@@ -211,7 +212,7 @@ TEST_F(ServerFlagsSourcesTest, WrongValuesAreRefusedWithFieldValueAndRange) {
 TEST_F(ServerFlagsSourcesTest, TheSameHoldsForEnvironmentAndFile) {
   const std::string why = "--workers = 0, expected 1 to 256";
   ExpectRefused({"--config", WriteFile("workers = 0\n")}, why);
-  ExpectRefused({"--config", WriteFile("insecure = maybe\n")},
+  ExpectRefused({"--config", WriteFile("insecure = \"maybe\"\n")},
                 "maybe, expected true or false");
   SetEnvironment("ISOMATCH_WORKERS", "0");
   ExpectRefused({}, why);
