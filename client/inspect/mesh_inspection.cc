@@ -17,9 +17,10 @@
 #include "core/io/face_order.h"
 #include "core/mesh/clean_mesh.h"
 #include "core/mesh/mesh_geometry.h"
+#include "core/mesh/mesh_size.h"
 #include "core/mesh/topology.h"
 #include "core/pipeline/match_options.h"
-#include "core/pipeline/matcher.h"
+#include "core/pipeline/memory_estimate.h"
 
 namespace isomatch {
 namespace {

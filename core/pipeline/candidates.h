@@ -12,8 +12,8 @@
 #include "core/base/vertex_index.h"
 #include "core/descriptor/nearby_match.h"
 #include "core/matching/first_stage.h"
+#include "core/pipeline/correspondence.h"
 #include "core/pipeline/match_options.h"
-#include "core/pipeline/matcher.h"
 #include "core/pipeline/prepared_mesh.h"
 
 namespace isomatch {

@@ -8,7 +8,8 @@
 #include "absl/types/span.h"
 #include "core/mesh/clean_mesh.h"
 #include "core/mesh/topology.h"
-#include "core/pipeline/matcher.h"
+#include "core/pipeline/correspondence.h"
+#include "core/pipeline/progress.h"
 
 namespace isomatch {
 

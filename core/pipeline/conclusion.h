@@ -7,7 +7,8 @@
 #include "core/alignment/elastic_alignment.h"
 #include "core/base/vertex_index.h"
 #include "core/mesh/surface_point.h"
-#include "core/pipeline/matcher.h"
+#include "core/pipeline/correspondence.h"
+#include "core/pipeline/precise_point.h"
 #include "core/pipeline/prepared_mesh.h"
 
 namespace isomatch {

@@ -8,7 +8,6 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
-#include "core/pipeline/matcher.h"
 
 namespace isomatch {
 namespace {
@@ -42,35 +41,6 @@ bool Agree(const BasisPoints& basis_x, const BasisPoints& basis_y,
 }
 
 }  // namespace
-
-absl::Status ValidateLandmarks(absl::Span<const Landmark> landmarks,
-                               std::int64_t vertices_x,
-                               std::int64_t vertices_y) {
-  std::unordered_map<VertexIndex, std::size_t> first_x;
-  std::unordered_map<VertexIndex, std::size_t> first_y;
-  const auto check = [](std::size_t i, const char* field, VertexIndex vertex,
-                        std::int64_t vertices,
-                        std::unordered_map<VertexIndex, std::size_t>* first) {
-    if (vertex < 0 || vertex >= vertices) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("landmarks[", i, "].", field, ": ", vertex,
-                       ", expected 0 to ", vertices - 1));
-    }
-    const auto [it, is_new] = first->try_emplace(vertex, i);
-    if (is_new) return absl::OkStatus();
-    return absl::InvalidArgumentError(
-        absl::StrCat("landmarks[", i, "].", field, ": vertex ", vertex,
-                     " is already matched by landmarks[", it->second,
-                     "], expected each vertex at most once"));
-  };
-  for (std::size_t i = 0; i < landmarks.size(); ++i) {
-    ISOMATCH_RETURN_IF_ERROR(
-        check(i, "x", landmarks[i].x, vertices_x, &first_x));
-    ISOMATCH_RETURN_IF_ERROR(
-        check(i, "y", landmarks[i].y, vertices_y, &first_y));
-  }
-  return absl::OkStatus();
-}
 
 absl::StatusOr<std::vector<WorkingLandmark>> TakeLandmarks(
     absl::Span<const VertexMatch> landmarks, const PreparedMesh& x,

@@ -40,11 +40,11 @@ constexpr float kLandmarkTolerance = 0.1f;
 
 /// One run of the method: the stages in order, each reading what those before
 /// it left in the members.
-class Matcher {
+class MatchRun {
  public:
-  Matcher(const PreparedMesh& x, PreparedMesh* own_x, const PreparedMesh& y,
-          absl::Span<const Landmark> landmarks, const MatchOptions& options,
-          ProgressReporter* progress, const std::stop_token& stop)
+  MatchRun(const PreparedMesh& x, PreparedMesh* own_x, const PreparedMesh& y,
+           absl::Span<const Landmark> landmarks, const MatchOptions& options,
+           ProgressReporter* progress, const std::stop_token& stop)
       : user_landmarks_(landmarks),
         options_(options),
         progress_(*progress),
@@ -481,7 +481,7 @@ absl::StatusOr<Correspondence> RunMatch(
     const PreparedMesh& x, PreparedMesh* own_x, const PreparedMesh& y,
     absl::Span<const Landmark> landmarks, const MatchOptions& options,
     ProgressReporter* progress, const std::stop_token& stop) {
-  return Matcher(x, own_x, y, landmarks, options, progress, stop).Run();
+  return MatchRun(x, own_x, y, landmarks, options, progress, stop).Run();
 }
 
 }  // namespace isomatch

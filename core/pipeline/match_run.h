@@ -4,7 +4,8 @@
 
 #include "absl/status/statusor.h"
 #include "absl/types/span.h"
-#include "core/pipeline/matcher.h"
+#include "core/pipeline/correspondence.h"
+#include "core/pipeline/match_options.h"
 #include "core/pipeline/prepared_mesh.h"
 #include "core/pipeline/progress_reporter.h"
 

@@ -16,8 +16,8 @@
 #include "core/pipeline/matcher_functions.h"
 #include "core/pipeline/memory_plan.h"
 #include "core/pipeline/preparation.h"
-#include "core/pipeline/prepared_shape.h"
 #include "core/pipeline/progress_reporter.h"
+#include "core/pipeline/shape_contents.h"
 #include "core/pipeline/stage_plan.h"
 
 namespace isomatch {
@@ -163,6 +163,35 @@ PreparationKey PreparationKey::Of(const MatchOptions& options) {
     key.descriptor_radius = options.descriptor_radius;
   }
   return key;
+}
+
+absl::Status ValidateLandmarks(absl::Span<const Landmark> landmarks,
+                               std::int64_t vertices_x,
+                               std::int64_t vertices_y) {
+  std::unordered_map<VertexIndex, std::size_t> first_x;
+  std::unordered_map<VertexIndex, std::size_t> first_y;
+  const auto check = [](std::size_t i, const char* field, VertexIndex vertex,
+                        std::int64_t vertices,
+                        std::unordered_map<VertexIndex, std::size_t>* first) {
+    if (vertex < 0 || vertex >= vertices) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("landmarks[", i, "].", field, ": ", vertex,
+                       ", expected 0 to ", vertices - 1));
+    }
+    const auto [it, is_new] = first->try_emplace(vertex, i);
+    if (is_new) return absl::OkStatus();
+    return absl::InvalidArgumentError(
+        absl::StrCat("landmarks[", i, "].", field, ": vertex ", vertex,
+                     " is already matched by landmarks[", it->second,
+                     "], expected each vertex at most once"));
+  };
+  for (std::size_t i = 0; i < landmarks.size(); ++i) {
+    ISOMATCH_RETURN_IF_ERROR(
+        check(i, "x", landmarks[i].x, vertices_x, &first_x));
+    ISOMATCH_RETURN_IF_ERROR(
+        check(i, "y", landmarks[i].y, vertices_y, &first_y));
+  }
+  return absl::OkStatus();
 }
 
 absl::StatusOr<Correspondence> MatchHere(const TriangleMesh& mesh_x,

@@ -1,6 +1,10 @@
 #pragma once
 
+#include "core/pipeline/correspondence.h"
+#include "core/pipeline/match_options.h"
 #include "core/pipeline/matcher.h"
+#include "core/pipeline/prepared_shape.h"
+#include "core/pipeline/progress.h"
 
 /// The core is compiled once for each instruction set (core/CMakeLists.txt);
 /// ISOMATCH_MATCHER_FUNCTIONS names what it is entered by.

@@ -10,7 +10,6 @@
 #include "core/matching/closeness.h"
 #include "core/mesh/surface_samples.h"
 #include "core/pipeline/candidates.h"
-#include "core/pipeline/matcher.h"
 #include "core/pipeline/prepared_mesh.h"
 #include "core/pipeline/stage_plan.h"
 #include "core/spectral/spectral_basis.h"

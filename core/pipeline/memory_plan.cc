@@ -1,4 +1,5 @@
 #include "core/pipeline/memory_plan.h"
+#include "core/pipeline/memory_estimate.h"
 
 #include <algorithm>
 #include <limits>

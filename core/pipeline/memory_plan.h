@@ -6,8 +6,8 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "core/mesh/mesh_size.h"
 #include "core/pipeline/match_options.h"
-#include "core/pipeline/matcher.h"
 
 namespace isomatch {
 

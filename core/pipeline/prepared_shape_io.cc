@@ -16,8 +16,10 @@
 #include "core/base/version.h"
 #include "core/descriptor/shot_descriptor.h"
 #include "core/pipeline/component_matching.h"
+#include "core/pipeline/match_options.h"
 #include "core/pipeline/matcher_functions.h"
 #include "core/pipeline/prepared_shape.h"
+#include "core/pipeline/shape_contents.h"
 
 // Layout, in the order of bytes of x86 and ARM: the magic with the version of
 // Isomatch, a CRC-32 of what follows, then the values in the order of Fields

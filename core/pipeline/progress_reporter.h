@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "core/base/mutex.h"
-#include "core/pipeline/matcher.h"
+#include "core/pipeline/progress.h"
 
 namespace isomatch {
 

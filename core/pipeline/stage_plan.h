@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "core/pipeline/match_options.h"
-#include "core/pipeline/matcher.h"
+#include "core/pipeline/progress.h"
 
 namespace isomatch {
 

@@ -4,7 +4,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "core/pipeline/matcher.h"
+#include "core/pipeline/correspondence.h"
 
 namespace isomatch {
 namespace {

@@ -4,7 +4,10 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "core/pipeline/matcher.h"
+#include "core/pipeline/correspondence.h"
+#include "core/pipeline/match_options.h"
+#include "core/pipeline/progress.h"
+#include "core/pipeline/verdict.h"
 #include "server/convert/job_name.h"
 #include "server/jobs/errors.h"
 

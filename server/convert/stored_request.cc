@@ -10,7 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/sha256.h"
 #include "core/base/status_macros.h"
-#include "core/pipeline/matcher.h"
+#include "core/pipeline/prepared_shape.h"
 #include "server/jobs/errors.h"
 
 namespace isomatch {

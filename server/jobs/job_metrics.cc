@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <string>
 
-#include "core/pipeline/matcher.h"
+#include "core/pipeline/progress.h"
 
 namespace isomatch {
 namespace {

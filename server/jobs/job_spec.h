@@ -8,8 +8,8 @@
 
 #include "absl/time/time.h"
 #include "core/mesh/triangle_mesh.h"
+#include "core/pipeline/correspondence.h"
 #include "core/pipeline/match_options.h"
-#include "core/pipeline/matcher.h"
 #include "server/storage/blob_store.h"
 
 namespace isomatch {

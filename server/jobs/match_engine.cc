@@ -1,5 +1,8 @@
 #include "server/jobs/match_engine.h"
 
+#include "core/pipeline/matcher.h"
+#include "core/pipeline/memory_estimate.h"
+
 namespace isomatch {
 
 MatchEngine CoreMatchEngine() {

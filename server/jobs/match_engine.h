@@ -7,8 +7,12 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/types/span.h"
-#include "core/pipeline/matcher.h"
+#include "core/mesh/mesh_size.h"
+#include "core/pipeline/correspondence.h"
+#include "core/pipeline/match_options.h"
 #include "core/pipeline/memory_plan.h"
+#include "core/pipeline/prepared_shape.h"
+#include "core/pipeline/progress.h"
 
 namespace isomatch {
 

@@ -8,7 +8,7 @@
 #include <string>
 
 #include "core/base/mutex.h"
-#include "core/pipeline/matcher.h"
+#include "core/pipeline/prepared_shape.h"
 #include "server/storage/blob_store.h"
 
 namespace isomatch {

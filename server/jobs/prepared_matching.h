@@ -3,7 +3,8 @@
 #include <stop_token>
 
 #include "absl/status/statusor.h"
-#include "core/pipeline/matcher.h"
+#include "core/pipeline/correspondence.h"
+#include "core/pipeline/progress.h"
 #include "server/jobs/job_spec.h"
 #include "server/jobs/match_engine.h"
 #include "server/jobs/prepared_cache.h"

@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "core/pipeline/matcher.h"
+#include "core/pipeline/correspondence.h"
 #include "server/storage/job_record.h"
 
 namespace isomatch {

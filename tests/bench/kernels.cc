@@ -13,7 +13,7 @@
 #include "core/geodesic/wavefront_stencils.h"
 #include "core/matching/matching.h"
 #include "core/pipeline/match_options.h"
-#include "core/pipeline/matcher.h"
+#include "core/pipeline/progress.h"
 #include "core/spectral/cotan_laplacian.h"
 #include "core/spectral/functional_map.h"
 #include "core/spectral/spectral_basis.h"

@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "core/pipeline/matcher.h"
+#include "core/pipeline/progress.h"
 
 namespace isomatch::bench {
 

@@ -7,6 +7,8 @@
 #include "core/base/status_macros.h"
 #include "core/evaluation/geodesic_error.h"
 #include "core/io/draco_mesh.h"
+#include "core/pipeline/correspondence.h"
+#include "core/pipeline/matcher.h"
 #include "tests/bench/machine.h"
 
 namespace isomatch::bench {

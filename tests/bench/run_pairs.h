@@ -6,7 +6,9 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "core/pipeline/matcher.h"
+#include "core/pipeline/match_options.h"
+#include "core/pipeline/progress.h"
+#include "core/pipeline/verdict.h"
 #include "tests/bench/pair_set.h"
 
 namespace isomatch::bench {

@@ -13,6 +13,7 @@
 #include "client/sample/sample_animal.h"
 #include "core/base/status_macros.h"
 #include "core/io/draco_mesh.h"
+#include "core/pipeline/correspondence.h"
 #include "core/pipeline/matcher.h"
 #include "server/logging/log.h"
 #include "tests/bench/local_service.h"

@@ -7,6 +7,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "core/pipeline/matcher.h"
 #include "tests/support/dirty_meshes.h"
 #include "tests/support/matchers.h"
 #include "tests/support/quick_options.h"

@@ -12,7 +12,8 @@
 
 #include "core/base/random_stream.h"
 #include "core/evaluation/geodesic_error.h"
-#include "core/pipeline/matcher.h"
+#include "core/pipeline/correspondence.h"
+#include "core/pipeline/match_options.h"
 #include "core/pipeline/prepared_mesh.h"
 #include "tests/support/dirty_meshes.h"
 #include "tests/support/hashed_test_shape.h"

@@ -1,3 +1,5 @@
+#include "core/pipeline/correspondence.h"
+#include "core/pipeline/match_options.h"
 #include "core/pipeline/matcher.h"
 
 #include <algorithm>

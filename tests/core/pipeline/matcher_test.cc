@@ -1,4 +1,8 @@
 #include "core/pipeline/matcher.h"
+#include "core/pipeline/correspondence.h"
+#include "core/pipeline/match_options.h"
+#include "core/pipeline/precise_point.h"
+#include "core/pipeline/progress.h"
 
 #include <algorithm>
 #include <cstdlib>

@@ -5,7 +5,10 @@
 
 #include <gtest/gtest.h>
 
+#include "core/mesh/mesh_size.h"
+#include "core/pipeline/match_options.h"
 #include "core/pipeline/matcher.h"
+#include "core/pipeline/memory_estimate.h"
 #include "tests/support/matchers.h"
 #include "tests/support/memory_growth.h"
 #include "tests/support/shapes.h"

@@ -9,7 +9,12 @@
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
-#include "core/pipeline/prepared_shape.h"
+#include "core/mesh/mesh_size.h"
+#include "core/pipeline/match_options.h"
+#include "core/pipeline/matcher.h"
+#include "core/pipeline/memory_estimate.h"
+#include "core/pipeline/progress.h"
+#include "core/pipeline/shape_contents.h"
 #include "tests/support/matchers.h"
 #include "tests/support/memory_growth.h"
 #include "tests/support/shapes.h"

@@ -7,7 +7,10 @@
 #include <gtest/gtest.h>
 #include <boost/crc.hpp>
 
+#include "core/pipeline/correspondence.h"
+#include "core/pipeline/match_options.h"
 #include "core/pipeline/matcher.h"
+#include "core/pipeline/prepared_shape.h"
 #include "tests/support/dirty_meshes.h"
 #include "tests/support/matchers.h"
 #include "tests/support/quick_options.h"

@@ -11,6 +11,7 @@
 
 #include "core/evaluation/geodesic_error.h"
 #include "core/mesh/topology.h"
+#include "core/pipeline/correspondence.h"
 #include "core/pipeline/matcher.h"
 #include "tests/support/dirty_meshes.h"
 #include "tests/support/matchers.h"

@@ -5,6 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "core/pipeline/correspondence.h"
 #include "core/pipeline/matcher.h"
 #include "tests/support/dirty_meshes.h"
 #include "tests/support/matchers.h"

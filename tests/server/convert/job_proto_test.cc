@@ -8,7 +8,7 @@
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_replace.h"
-#include "core/pipeline/matcher.h"
+#include "core/pipeline/progress.h"
 #include "server/jobs/errors.h"
 #include "tests/support/matchers.h"
 

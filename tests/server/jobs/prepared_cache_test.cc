@@ -9,6 +9,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "core/pipeline/matcher.h"
 #include "server/jobs/prepared_matching.h"
 #include "server/storage/memory_blob_store.h"
 #include "tests/support/matchers.h"

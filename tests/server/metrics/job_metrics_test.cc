@@ -7,7 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "absl/strings/str_cat.h"
-#include "core/pipeline/matcher.h"
+#include "core/pipeline/progress.h"
 
 namespace isomatch {
 namespace {
