@@ -23,7 +23,7 @@ struct ErrorSigns {
 /// Returns the confidence of each vertex, exp(-e / 0.05) for an expected error
 /// e, in sqrt(area), that is linear in the signs averaged over neighborhoods.
 /// The coefficients were fitted to the true errors of 23 FAUST and TOSCA pairs;
-/// see core/README.md for how well it ranks.
+/// see core/EXPERIMENTS.md for how well it ranks.
 std::vector<float> ConfidenceOf(const ErrorSigns& signs,
                                 const VertexStars& stars_x);
 

@@ -11,7 +11,7 @@ namespace isomatch {
 
 /// A named set of options.
 enum class Profile {
-  /// What measured best; see core/README.md.
+  /// What measured best; see core/EXPERIMENTS.md.
   kDefault,
   /// Every step as the paper gives it.
   kPaper,

@@ -52,7 +52,7 @@ absl::Status CheckDecimated(const DecimatedSize& x, const DecimatedSize& y,
                             const MatchOptions& options);
 
 /// With fewer, maps of near-isometric shapes get noticeably worse; see
-/// core/README.md, "Large meshes".
+/// core/EXPERIMENTS.md, "Large meshes".
 inline constexpr int kFewestPlannedVertices = 1000;
 
 }  // namespace isomatch

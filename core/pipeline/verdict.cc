@@ -9,7 +9,7 @@
 namespace isomatch {
 namespace {
 
-// Measured on good and bad pairs: core/README.md, Verdict.
+// Measured on good and bad pairs: core/EXPERIMENTS.md, "Verdict".
 constexpr double kBadConfidence = 0.45;
 constexpr double kGoodConfidence = 0.6;
 constexpr double kMostAreaDistortion = 0.6;

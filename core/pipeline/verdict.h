@@ -35,7 +35,7 @@ struct Verdict {
 ///             orientation score
 ///   good      all others
 ///
-/// core/README.md has how often that is right.
+/// core/EXPERIMENTS.md has how often that is right.
 Verdict VerdictOf(const Correspondence& found);
 
 }  // namespace isomatch
