@@ -2,19 +2,19 @@
 """Makes a set of pairs that cannot be matched well, to see whether the verdict
 says so: `isomatch-bench accuracy OUT`.
 
-    make_verdict_pairs.py OUT SET SET ...
+    make_verdict_pairs.py [--seed NUMBER] OUT SET SET ...
 
 SET: a folder of pairs as isomatch-bench reads them (pairs.txt, NAME.off,
-gt_X__Y.txt). OUT gets, by chance but always the same, 20 pairs of a half of X,
+gt_X__Y.txt). OUT gets 20 pairs of a half of X,
 cut by a plane, and Y; 10 of X in triangles that do not hang together, and Y; 10
 of faces between any vertices, and Y; and 30 of shapes of unlike sets (cats and
-bodies). What has no right map gets a truth by chance, so that every map of it
-is wrong.
+bodies), chosen by chance, the same ones for the same seed (1 by default). What
+has no right map gets a truth by chance, so that every map of it is wrong.
 """
+import argparse
 import math
 import pathlib
 import random
-import sys
 
 
 def read_off(path):
@@ -42,8 +42,8 @@ def kind(name):
 
 
 class Maker:
-    def __init__(self, out, sets):
-        self.out, self.pairs, self.dice = out, [], random.Random(1)
+    def __init__(self, out, sets, seed):
+        self.out, self.pairs, self.dice = out, [], random.Random(seed)
         self.shapes = sorted({p for s in sets for p in s.glob("*.off")})
         self.listed = [
             (s, *line.split()[:2]) for s in sets
@@ -102,11 +102,14 @@ class Maker:
 
 
 def main():
-    if len(sys.argv) < 3:
-        sys.exit(__doc__)
-    out = pathlib.Path(sys.argv[1])
+    parser = argparse.ArgumentParser(usage=__doc__)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("out", type=pathlib.Path)
+    parser.add_argument("sets", type=pathlib.Path, nargs="+")
+    arguments = parser.parse_args()
+    out = arguments.out
     out.mkdir(parents=True, exist_ok=True)
-    maker = Maker(out, [pathlib.Path(s) for s in sys.argv[2:]])
+    maker = Maker(out, arguments.sets, arguments.seed)
     for make, count in ((maker.half, 20), (maker.soup, 10), (maker.any_faces, 10),
                         (maker.unlike, 30)):
         for i in range(count):
