@@ -1,6 +1,8 @@
 #include "server/server_config.h"
 
 #include <algorithm>
+#include <cstdint>
+#include <initializer_list>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -87,6 +89,94 @@ absl::Status CheckBytesOfHalf(absl::string_view field, std::int64_t value,
                     {range.least, std::min(range.most, blob_store_bytes / 2)});
 }
 
+absl::Status CheckCounts(const ServerConfig& config) {
+  using Config = ServerConfig;
+  struct Count {
+    absl::string_view field;
+    std::int64_t value;
+    IntRange range;
+  };
+  for (const Count& count : std::initializer_list<Count>{
+           {"--workers", config.workers, Config::kWorkers},
+           {"--threads-per-job", config.threads_per_job,
+            Config::kThreadsPerJob},
+           {"--max-queued-jobs", config.max_queued_jobs,
+            Config::kMaxQueuedJobs},
+           {"--max-queued-jobs-per-tenant", config.max_queued_jobs_per_tenant,
+            Config::kPerTenant},
+           {"--max-running-jobs-per-tenant", config.max_running_jobs_per_tenant,
+            Config::kPerTenant},
+           {"--max-kept-jobs-per-tenant", config.max_kept_jobs_per_tenant,
+            Config::kPerTenant},
+           {"--max-uploads-per-tenant", config.max_uploads_per_tenant,
+            Config::kPerTenant},
+           {"--max-requests-per-tenant", config.max_requests_per_tenant,
+            Config::kPerTenant},
+           {"--max-priority", config.max_priority, Config::kMaxPriority},
+           {"--max-kept-jobs", config.max_kept_jobs, Config::kMaxKeptJobs},
+           {"--max-connections", config.max_connections,
+            Config::kMaxConnections},
+           {"--max-connections-per-address", config.max_connections_per_address,
+            Config::kMaxConnections}}) {
+    ISOMATCH_RETURN_IF_ERROR(CheckCount(count.field, count.value, count.range));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status CheckSizes(const ServerConfig& config) {
+  using Config = ServerConfig;
+  ISOMATCH_RETURN_IF_ERROR(CheckBytes("--memory-budget",
+                                      config.memory_budget_bytes,
+                                      Config::kMemoryBudgetBytes));
+  ISOMATCH_RETURN_IF_ERROR(CheckBytes("--max-resident-bytes",
+                                      config.max_resident_bytes,
+                                      Config::kMemoryBudgetBytes));
+  ISOMATCH_RETURN_IF_ERROR(CheckBytes(
+      "--blob-store-bytes", config.blob_store_bytes, Config::kBlobStoreBytes));
+  ISOMATCH_RETURN_IF_ERROR(CheckBytes("--prepared-cache-bytes",
+                                      config.prepared_cache_bytes,
+                                      Config::kPreparedCacheBytes));
+  ISOMATCH_RETURN_IF_ERROR(CheckBytes("--prepared-store-bytes",
+                                      config.prepared_store_bytes,
+                                      Config::kPreparedCacheBytes));
+  ISOMATCH_RETURN_IF_ERROR(
+      CheckBytesOfHalf("--max-request-bytes", config.max_request_bytes,
+                       Config::kMaxRequestBytes, config.blob_store_bytes));
+  ISOMATCH_RETURN_IF_ERROR(
+      CheckBytesOfHalf("--max-mesh-bytes", config.max_mesh_bytes,
+                       Config::kMaxMeshBytes, config.blob_store_bytes));
+  if (config.max_bytes_per_tenant == 0) return absl::OkStatus();
+  // Both meshes of a job, and its request.
+  return CheckBytes("--max-bytes-per-tenant", config.max_bytes_per_tenant,
+                    {2 * config.max_mesh_bytes + config.max_request_bytes,
+                     Config::kMaxTenantBytes.most});
+}
+
+absl::Status CheckTimes(const ServerConfig& config) {
+  using Config = ServerConfig;
+  struct Time {
+    absl::string_view field;
+    absl::Duration value;
+    DurationRange range;
+  };
+  for (const Time& time : std::initializer_list<Time>{
+           {"--max-run-time", config.max_run_time, Config::kMaxRunTime},
+           {"--unresponsive-grace", config.unresponsive_grace,
+            Config::kUnresponsiveGrace},
+           {"--drain-timeout", config.drain_timeout, Config::kDrainTimeout},
+           {"--job-retention", config.job_retention, Config::kJobRetention},
+           {"--watch-heartbeat", config.watch_heartbeat, Config::kStreamTimes},
+           {"--upload-idle-timeout", config.upload_idle_timeout,
+            Config::kStreamTimes},
+           {"--partial-upload-kept", config.partial_upload_kept,
+            Config::kPartialUploadKept},
+           {"--unwatched-grace", config.unwatched_grace,
+            Config::kStreamTimes}}) {
+    ISOMATCH_RETURN_IF_ERROR(CheckDuration(time.field, time.value, time.range));
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 absl::Status CheckServerAddress(absl::string_view field,
@@ -107,65 +197,9 @@ absl::Status ServerConfig::Validate() const {
   ISOMATCH_RETURN_IF_ERROR(CheckTls(*this));
   ISOMATCH_RETURN_IF_ERROR(CheckExposure(*this));
   ISOMATCH_RETURN_IF_ERROR(CheckMetricsListen(*this));
-  ISOMATCH_RETURN_IF_ERROR(CheckCount("--workers", workers, kWorkers));
-  ISOMATCH_RETURN_IF_ERROR(
-      CheckCount("--threads-per-job", threads_per_job, kThreadsPerJob));
-  ISOMATCH_RETURN_IF_ERROR(
-      CheckBytes("--memory-budget", memory_budget_bytes, kMemoryBudgetBytes));
-  ISOMATCH_RETURN_IF_ERROR(CheckBytes("--max-resident-bytes",
-                                      max_resident_bytes, kMemoryBudgetBytes));
-  ISOMATCH_RETURN_IF_ERROR(
-      CheckBytes("--blob-store-bytes", blob_store_bytes, kBlobStoreBytes));
-  ISOMATCH_RETURN_IF_ERROR(CheckBytes(
-      "--prepared-cache-bytes", prepared_cache_bytes, kPreparedCacheBytes));
-  ISOMATCH_RETURN_IF_ERROR(CheckBytes(
-      "--prepared-store-bytes", prepared_store_bytes, kPreparedCacheBytes));
-  ISOMATCH_RETURN_IF_ERROR(
-      CheckCount("--max-queued-jobs", max_queued_jobs, kMaxQueuedJobs));
-  for (const auto& [field, value] :
-       {std::pair("--max-queued-jobs-per-tenant", max_queued_jobs_per_tenant),
-        std::pair("--max-running-jobs-per-tenant", max_running_jobs_per_tenant),
-        std::pair("--max-kept-jobs-per-tenant", max_kept_jobs_per_tenant),
-        std::pair("--max-uploads-per-tenant", max_uploads_per_tenant),
-        std::pair("--max-requests-per-tenant", max_requests_per_tenant)}) {
-    ISOMATCH_RETURN_IF_ERROR(CheckCount(field, value, kPerTenant));
-  }
-  ISOMATCH_RETURN_IF_ERROR(
-      CheckCount("--max-priority", max_priority, kMaxPriority));
-  ISOMATCH_RETURN_IF_ERROR(CheckBytesOfHalf("--max-request-bytes",
-                                            max_request_bytes, kMaxRequestBytes,
-                                            blob_store_bytes));
-  ISOMATCH_RETURN_IF_ERROR(CheckBytesOfHalf("--max-mesh-bytes", max_mesh_bytes,
-                                            kMaxMeshBytes, blob_store_bytes));
-  if (max_bytes_per_tenant != 0) {
-    // Both meshes of a job, and its request.
-    ISOMATCH_RETURN_IF_ERROR(CheckBytes(
-        "--max-bytes-per-tenant", max_bytes_per_tenant,
-        {2 * max_mesh_bytes + max_request_bytes, kMaxTenantBytes.most}));
-  }
-  ISOMATCH_RETURN_IF_ERROR(
-      CheckCount("--max-kept-jobs", max_kept_jobs, kMaxKeptJobs));
-  ISOMATCH_RETURN_IF_ERROR(
-      CheckDuration("--max-run-time", max_run_time, kMaxRunTime));
-  ISOMATCH_RETURN_IF_ERROR(CheckDuration(
-      "--unresponsive-grace", unresponsive_grace, kUnresponsiveGrace));
-  ISOMATCH_RETURN_IF_ERROR(
-      CheckCount("--max-connections", max_connections, kMaxConnections));
-  ISOMATCH_RETURN_IF_ERROR(CheckCount("--max-connections-per-address",
-                                      max_connections_per_address,
-                                      kMaxConnections));
-  ISOMATCH_RETURN_IF_ERROR(
-      CheckDuration("--drain-timeout", drain_timeout, kDrainTimeout));
-  ISOMATCH_RETURN_IF_ERROR(
-      CheckDuration("--job-retention", job_retention, kJobRetention));
-  ISOMATCH_RETURN_IF_ERROR(
-      CheckDuration("--watch-heartbeat", watch_heartbeat, kStreamTimes));
-  ISOMATCH_RETURN_IF_ERROR(CheckDuration("--upload-idle-timeout",
-                                         upload_idle_timeout, kStreamTimes));
-  ISOMATCH_RETURN_IF_ERROR(CheckDuration(
-      "--partial-upload-kept", partial_upload_kept, kPartialUploadKept));
-  ISOMATCH_RETURN_IF_ERROR(
-      CheckDuration("--unwatched-grace", unwatched_grace, kStreamTimes));
+  ISOMATCH_RETURN_IF_ERROR(CheckCounts(*this));
+  ISOMATCH_RETURN_IF_ERROR(CheckSizes(*this));
+  ISOMATCH_RETURN_IF_ERROR(CheckTimes(*this));
   ISOMATCH_RETURN_IF_ERROR(CheckWord(
       "--log-level", log_level,
       {"trace", "debug", "info", "warn", "error", "critical", "off"}));
