@@ -370,13 +370,13 @@ absl::StatusOr<MatchCost> EstimateCost(
 
 double AboutSeconds(VertexIndex vertices) {
   static constexpr std::array<std::pair<double, double>, 7> kMeasured = {
-      {{1'000, 0.25},
-       {5'000, 0.71},
-       {13'000, 0.99},
-       {50'000, 1.1},
-       {100'000, 1.5},
-       {200'000, 2.3},
-       {1'000'000, 16}}};
+      {{1'000, 0.26},
+       {5'000, 0.75},
+       {13'000, 0.86},
+       {50'000, 1.2},
+       {100'000, 1.7},
+       {200'000, 2.6},
+       {1'000'000, 11}}};
   const double wanted = std::max<double>(vertices, 1);
   std::size_t upper = 1;
   while (upper + 1 < kMeasured.size() && kMeasured[upper].first < wanted) {

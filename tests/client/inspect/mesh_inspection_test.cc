@@ -10,10 +10,16 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "absl/strings/match.h"
+#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_replace.h"
+#include "absl/strings/str_split.h"
+#include "absl/strings/string_view.h"
 #include "client/api/isomatch_client.h"
 #include "client/cli/embedded_server.h"
 #include "client/files/mesh_file.h"
+#include "client/files/text_file.h"
 #include "client/inspect/inspection_report.h"
 #include "core/io/draco_mesh.h"
 #include "core/mesh/clean_mesh.h"
@@ -250,17 +256,45 @@ TEST(MeshInspectionTest, TheFormatIsToldFromTheFile) {
             "PLY, binary little endian");
 }
 
-TEST(AboutSecondsTest, AgreesWithTheMeasurements) {
-  EXPECT_DOUBLE_EQ(AboutSeconds(5'000), 0.71);
-  EXPECT_DOUBLE_EQ(AboutSeconds(1'000'000), 16);
+/// Vertices and seconds of the README's table of times.
+std::vector<std::pair<VertexIndex, double>> TimesOfTheReadme() {
+  const auto text = ReadFile(ISOMATCH_README, "the README");
+  EXPECT_THAT(text, IsOk());
+  std::vector<std::pair<VertexIndex, double>> times;
+  bool is_table = false;
+  for (const absl::string_view line : absl::StrSplit(*text, '\n')) {
+    is_table = absl::StartsWith(line, "| vertices a side | seconds |") ||
+               (is_table && absl::StartsWith(line, "|"));
+    const std::vector<std::string> cells = absl::StrSplit(line, " | ");
+    VertexIndex vertices = 0;
+    double seconds = 0;
+    if (is_table && cells.size() > 1 &&
+        absl::SimpleAtoi(absl::StrReplaceAll(cells[0], {{"|", ""}, {",", ""}}),
+                         &vertices) &&
+        absl::SimpleAtod(cells[1], &seconds)) {
+      times.emplace_back(vertices, seconds);
+    }
+  }
+  return times;
+}
+
+TEST(AboutSecondsTest, AgreesWithTheReadme) {
+  const auto times = TimesOfTheReadme();
+  EXPECT_EQ(times.size(), 7);
+  for (const auto& [vertices, seconds] : times) {
+    EXPECT_NEAR(AboutSeconds(vertices), seconds, 1e-9) << vertices;
+  }
+}
+
+TEST(AboutSecondsTest, RisesWithTheVertices) {
   double last = 0;
   for (const VertexIndex n : {1, 100, 3'000, 30'000, 500'000, 5'000'000}) {
     EXPECT_GT(AboutSeconds(n), last);
     last = AboutSeconds(n);
   }
   // Nearly in proportion beyond the last.
-  EXPECT_GT(last, 80);
-  EXPECT_LT(last, 120);
+  EXPECT_GT(last, 40);
+  EXPECT_LT(last, 60);
 }
 
 TEST(EstimateCostTest, MemoryIsWhatTheServerReserves) {
