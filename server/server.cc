@@ -69,10 +69,11 @@ std::string RandomId() {
 std::function<void(const absl::Status&)> ReloadLogger(const char* what) {
   return [what](const absl::Status& status) {
     if (status.ok()) {
-      Log(LogLevel::kInfo, absl::StrCat(what, ": the new ones hold"));
+      Log(LogLevel::kInfo, absl::StrCat(what, ": reloaded"));
     } else {
       Log(LogLevel::kError,
-          absl::StrCat(what, ": those before stay: ", status.message()));
+          absl::StrCat(what, ": not reloaded, the earlier ones stay in force: ",
+                       status.message()));
     }
   };
 }

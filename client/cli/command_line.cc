@@ -144,8 +144,8 @@ absl::Status PrintHelp(const CLI::App& app, const std::string& name,
 }
 
 Command AddHelpCommand(CLI::App& app) {
-  CLI::App* command =
-      app.add_subcommand("help", "Tells about a command, as its --help does.");
+  CLI::App* command = app.add_subcommand(
+      "help", "Prints the help of a command, as its --help does.");
   const auto name = std::make_shared<std::string>();
   command->add_option("COMMAND", *name, "One of `isomatch help`")
       ->type_name("");

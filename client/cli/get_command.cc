@@ -84,8 +84,8 @@ absl::Status RunGet(const GetArguments& arguments, const Terminal& terminal) {
 }  // namespace
 
 Command AddGetCommand(CLI::App& app) {
-  CLI::App* command =
-      app.add_subcommand("get", "Tells about a job, and fetches its result.");
+  CLI::App* command = app.add_subcommand(
+      "get", "Prints what is known of a job, and fetches its result.");
   const auto arguments = std::make_shared<GetArguments>();
   arguments->outputs.map.clear();
   command->add_option("JOB", arguments->job, "Name, as `submit` printed it")

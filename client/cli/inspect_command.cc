@@ -33,8 +33,8 @@ Time is about what two cores take for two meshes of this size; memory is the
 upper bound that the server reserves. Whether it would accept the mesh is said
 for --server, else for a server of this machine with its defaults.
 
-A file that cannot be read is told, the others are inspected all the same; the
-exit status is then 2.
+A file that cannot be read is reported, and the others are inspected; the exit
+status is then 2.
 
 Examples:
   isomatch inspect cat.off

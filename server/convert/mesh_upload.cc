@@ -89,7 +89,8 @@ absl::Status MeshUpload::Append(const std::string& chunk) {
 
 absl::Status MeshUpload::End() {
   if (stage_ == Stage::kNew) return UploadMalformed("no header came");
-  if (stage_ == Stage::kOver) return UploadMalformed("it is over");
+  if (stage_ == Stage::kOver)
+    return UploadMalformed("the upload has already ended");
   const std::size_t received = received_.bytes.size();
   if (received != digest_.size_bytes()) {
     return UploadMalformed(absl::StrCat("the chunks have ", received,

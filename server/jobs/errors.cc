@@ -96,7 +96,7 @@ absl::Status ApiKeyMissing() {
 
 absl::Status ApiKeyWrong() {
   return Make(absl::StatusCode::kUnauthenticated, "API_KEY_WRONG",
-              "the API key of this call is none of this server's");
+              "this server does not know the API key of this call");
 }
 
 absl::Status RoleTooLow(Role role, Role needed) {

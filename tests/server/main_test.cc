@@ -370,8 +370,10 @@ TEST(MainTest, AKeyItMadeOpensItAndIsNeverInTheLog) {
   EXPECT_TRUE(stub->GetServerInfo(&context, {}, &info).ok());
   server.process.Signal(SIGTERM);
   const std::string log = absl::StrJoin(server.process.ReadLines(), "\n");
-  EXPECT_THAT(log, HasSubstr("those before stay: --api-keys = " + file +
-                             ": line 1, expected"));
+  EXPECT_THAT(
+      log,
+      HasSubstr("not reloaded, the earlier ones stay in force: --api-keys = " +
+                file + ": line 1, expected"));
   EXPECT_THAT(log, Not(HasSubstr(key.substr(9, 12))));
 }
 

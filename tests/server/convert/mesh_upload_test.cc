@@ -146,7 +146,7 @@ TEST_F(MeshUploadTest, MessagesAfterTheEndAreRefused) {
   ASSERT_THAT(upload.Take(Header()), IsOk());
   EXPECT_TRUE(upload.known());
   EXPECT_THAT(upload.Take(Chunk("x")), Malformed("after the end"));
-  EXPECT_THAT(upload.End(), Malformed("over"));
+  EXPECT_THAT(upload.End(), Malformed("already ended"));
   EXPECT_THAT(NewUpload().Take({}), Malformed("an empty message"));
   EXPECT_THAT(NewUpload().End(), Malformed("no header"));
 }

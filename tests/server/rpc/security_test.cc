@@ -214,9 +214,9 @@ TEST_F(TlsTest, FilesThatDoNotFitTogetherKeepTheCertificateBefore) {
   std::filesystem::remove(folder_.Path("crt"));
   expect_first_for_2_seconds();
   const std::string log = testing::internal::GetCapturedStdout();
-  EXPECT_THAT(log,
-              AllOf(HasSubstr("certificates: those before stay: --tls-key"),
-                    HasSubstr("No such file")));
+  EXPECT_THAT(log, AllOf(HasSubstr("certificates: not reloaded, the earlier "
+                                   "ones stay in force: --tls-key"),
+                         HasSubstr("No such file")));
   Install("crt", second.certificate);
   Install("key", second.key);
   EXPECT_LE(TimeUntilOk([&] { return CallInfo(Connect(other_authority_)); }),
