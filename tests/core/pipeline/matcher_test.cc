@@ -439,7 +439,7 @@ TEST(RealMeshTest, TwoPosesOfABodyAreMatchedTheRightWayRound) {
   const std::string dir = DataDir();
   if (dir.empty()) {
     GTEST_SKIP() << "no real meshes: set ISOMATCH_DATA to a folder with "
-                    "pairs.txt, or put it at ../shared/data";
+                    "pairs.txt";
   }
   const TriangleMesh x = ReadPlainOff(dir + "/r1k_m_rest.off");
   const TriangleMesh y = ReadPlainOff(dir + "/r1k_m_sit.off");
