@@ -8,8 +8,8 @@
 
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
+#include "core/pipeline/match_engine.h"
 #include "server/convert/request_limits.h"
-#include "server/jobs/match_engine.h"
 #include "server/rpc/file_limit.h"
 #include "server/server_config.h"
 

@@ -19,8 +19,6 @@
 namespace isomatch {
 namespace {
 
-/// Beyond this many large parts they are matched as one.
-constexpr std::size_t kMostParts = 8;
 /// Cost of a whole size apart in space, against a factor of e in area: decides
 /// only between parts that are otherwise alike.
 constexpr double kPlaceWeight = 0.05;
@@ -353,11 +351,6 @@ absl::StatusOr<std::vector<PartPair>> PairParts(
   std::sort(pairs.begin(), pairs.end(),
             [](const PartPair& a, const PartPair& b) { return a.x < b.x; });
   return pairs;
-}
-
-bool MatchedByParts(const MeshParts& parts_x, const MeshParts& parts_y) {
-  const std::size_t most = std::max(parts_x.large.size(), parts_y.large.size());
-  return most > 1 && most <= kMostParts;
 }
 
 absl::StatusOr<Correspondence> MatchByParts(

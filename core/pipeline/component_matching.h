@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <functional>
 #include <stop_token>
 #include <vector>
@@ -44,9 +45,9 @@ using MatchOne = std::function<absl::StatusOr<Correspondence>(
     const TriangleMesh& mesh_x, const TriangleMesh& mesh_y,
     absl::Span<const Landmark> landmarks, const ProgressCallback& progress)>;
 
-/// Whether meshes of these parts are matched part by part: one of them has two
-/// or more, and none more than eight.
-bool MatchedByParts(const MeshParts& parts_x, const MeshParts& parts_y);
+/// Whether meshes of so many large parts at most are matched part by part: of
+/// two to eight.
+inline bool MatchedByParts(std::size_t most) { return most > 1 && most <= 8; }
 
 /// Matches each pair of parts on its own and puts the results together: maps
 /// and confidences side by side, figures as means by area, the least symmetry

@@ -1,126 +1,61 @@
-#include "core/pipeline/matcher.h"
-
-#include <algorithm>
-#include <array>
-#include <memory>
-#include <optional>
+// Compiled for the oldest processors alone: which functions to call is found
+// out here, and nothing newer may run before that.
+#include <atomic>
+#include <string>
+#include <unordered_map>
 #include <utility>
+#include <variant>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "core/base/parallel.h"
+#include "absl/strings/str_join.h"
 #include "core/base/status_macros.h"
-#include "core/matching/matching.h"
-#include "core/pipeline/component_matching.h"
 #include "core/pipeline/instruction_set.h"
-#include "core/pipeline/match_run.h"
-#include "core/pipeline/matcher_functions.h"
+#include "core/pipeline/joined_progress.h"
+#include "core/pipeline/matcher.h"
 #include "core/pipeline/memory_plan.h"
-#include "core/pipeline/preparation.h"
-#include "core/pipeline/progress_reporter.h"
 #include "core/pipeline/shape_contents.h"
-#include "core/pipeline/stage_plan.h"
+#include "core/pipeline/shape_matching.h"
+
+#ifdef ISOMATCH_DISPATCH
+extern "C" const isomatch::MatchEngine* isomatch_match_engine_x86_64_v3();
+#endif
 
 namespace isomatch {
 namespace {
 
-absl::StatusOr<Correspondence> MatchClean(CleanMesh mesh_x, CleanMesh mesh_y,
-                                          absl::Span<const Landmark> landmarks,
-                                          const MatchOptions& options,
-                                          const ProgressCallback& progress,
-                                          const std::stop_token& stop) {
-  ProgressReporter reporter(progress, StagePlan(options));
-  std::array<PreparedMesh, 2> prepared;
-  ISOMATCH_RETURN_IF_ERROR(PrepareMeshes({std::move(mesh_x), std::move(mesh_y)},
-                                         options, &reporter, stop, &prepared));
-  return RunMatch(prepared[kX], &prepared[kX], prepared[kY], landmarks, options,
-                  &reporter, stop);
-}
+struct Variant {
+  const char* name;
+  const MatchEngine* engine;
+};
 
-/// Part by part where there are several.
-absl::StatusOr<Correspondence> MatchParts(const TriangleMesh& mesh_x,
-                                          const TriangleMesh& mesh_y,
-                                          absl::Span<const Landmark> landmarks,
-                                          const MatchOptions& options,
-                                          const ProgressCallback& progress,
-                                          const std::stop_token& stop) {
-  // Cleaning takes its time and comes before all reports.
-  if (progress) progress({Stage::kPrepare, 0, 0});
-  std::array<MeshParts, 2> parts;
-  const auto split = [&](const TriangleMesh& mesh,
-                         MeshParts* into) -> absl::Status {
-    ISOMATCH_ASSIGN_OR_RETURN(*into, SplitIntoParts(mesh, stop));
-    return absl::OkStatus();
-  };
-  ISOMATCH_RETURN_IF_ERROR(RunBoth([&] { return split(mesh_x, &parts[kX]); },
-                                   [&] { return split(mesh_y, &parts[kY]); }));
-  if (options.match_components && MatchedByParts(parts[kX], parts[kY])) {
-    const auto match_one =
-        [&](const TriangleMesh& x, const TriangleMesh& y,
-            absl::Span<const Landmark> known,
-            const ProgressCallback& report) -> absl::StatusOr<Correspondence> {
-      ISOMATCH_ASSIGN_OR_RETURN(CleanMesh clean_x, Clean(x, stop));
-      ISOMATCH_ASSIGN_OR_RETURN(CleanMesh clean_y, Clean(y, stop));
-      return MatchClean(std::move(clean_x), std::move(clean_y), known, options,
-                        report, stop);
-    };
-    return MatchByParts(mesh_x, parts[kX], parts[kY], landmarks, match_one,
-                        progress, stop);
+std::vector<Variant> FindVariants() {
+  std::vector<Variant> variants;
+#ifdef ISOMATCH_DISPATCH
+  __builtin_cpu_init();
+  if (__builtin_cpu_supports("x86-64-v3")) {
+    variants.push_back({"x86-64-v3", isomatch_match_engine_x86_64_v3()});
   }
-  return MatchClean(std::move(parts[kX].clean), std::move(parts[kY].clean),
-                    landmarks, options, progress, stop);
+#endif
+  variants.push_back({ISOMATCH_BASELINE, ISOMATCH_MATCH_ENGINE()});
+  return variants;
 }
 
-using ShapeContents = std::shared_ptr<PreparedShape::Contents>;
-
-ShapeContents NewContents(TriangleMesh mesh, const MatchOptions& options) {
-  auto contents = std::make_shared<PreparedShape::Contents>();
-  contents->mesh = std::move(mesh);
-  contents->key = PreparationKey::Of(options);
-  return contents;
+const std::vector<Variant>& Variants() {
+  static const auto& variants = *new std::vector<Variant>(FindVariants());
+  return variants;
 }
 
-/// Fills in one or both; the second may be null.
-absl::Status PrepareContents(const std::array<ShapeContents, 2>& shapes,
-                             const MatchOptions& options,
-                             const ProgressCallback& progress,
-                             const std::stop_token& stop) {
-  std::array<std::optional<CleanMesh>, 2> clean;
-  const auto split = [&](int i) -> absl::Status {
-    if (shapes[i] == nullptr) return absl::OkStatus();
-    ISOMATCH_ASSIGN_OR_RETURN(MeshParts parts,
-                              SplitIntoParts(shapes[i]->mesh, stop));
-    shapes[i]->large_components = static_cast<std::int32_t>(parts.large.size());
-    clean[i] = std::move(parts.clean);
-    return absl::OkStatus();
-  };
-  absl::Status status = absl::InternalError("not run");
-  RunWithThreads(options.threads, [&] {
-    ProgressReporter reporter(progress, StagePlan(options));
-    std::array<PreparedMesh, 2> prepared;
-    status = RunBoth([&] { return split(kX); }, [&] { return split(kY); });
-    if (status.ok()) {
-      status =
-          PrepareMeshes(std::move(clean), options, &reporter, stop, &prepared);
-    }
-    for (const int i : {kX, kY}) {
-      if (shapes[i] != nullptr) shapes[i]->prepared = std::move(prepared[i]);
-    }
-  });
-  return status;
+std::atomic<const Variant*>& Chosen() {
+  static std::atomic<const Variant*> chosen = &Variants().front();
+  return chosen;
 }
 
-/// The last word on a whole map, whatever parts it was found in.
-void Judge(Correspondence* found) {
-  double sum = 0;
-  std::int64_t matched = 0;
-  for (std::size_t x = 0; x < found->confidence.size(); ++x) {
-    if (found->y_from_x[x] == kNoVertex) continue;
-    sum += found->confidence[x];
-    ++matched;
-  }
-  found->quality.mean_confidence =
-      matched == 0 ? 0 : sum / static_cast<double>(matched);
-  found->verdict = VerdictOf(*found);
+const MatchEngine& ChosenEngine() { return *Chosen().load()->engine; }
+
+absl::Status CheckSource(const ShapeSource& source, const std::string& field) {
+  const auto* mesh = std::get_if<SharedMesh>(&source);
+  return mesh == nullptr ? absl::OkStatus() : ValidateMesh(**mesh, field);
 }
 
 template <typename T>
@@ -151,18 +86,31 @@ absl::Status CheckSameKey(const std::string& field, const PreparationKey& found,
 
 }  // namespace
 
-PreparationKey PreparationKey::Of(const MatchOptions& options) {
-  PreparationKey key;
-  key.solved_vertices = options.solved_vertices;
-  key.pool_size = options.pool_size;
-  key.eigenpairs = SpectralCount(options);
-  if (options.curvature_weight > 0) {
-    key.curvature_radius = options.curvature_radius;
+std::vector<std::string> InstructionSets() {
+  std::vector<std::string> names;
+  for (const Variant& variant : Variants()) names.emplace_back(variant.name);
+  return names;
+}
+
+std::string InstructionSet() { return Chosen().load()->name; }
+
+absl::Status UseInstructionSet(absl::string_view name) {
+  for (const Variant& variant : Variants()) {
+    if (variant.name != name) continue;
+    Chosen() = &variant;
+    return absl::OkStatus();
   }
-  if (options.alignment_rounds > 0) {
-    key.descriptor_radius = options.descriptor_radius;
-  }
-  return key;
+  return absl::InvalidArgumentError(
+      absl::StrCat("instruction set '", name, "', expected one of ",
+                   absl::StrJoin(InstructionSets(), ", ")));
+}
+
+MatchEngine CoreMatchEngine() {
+  return {.prepare = Prepare,
+          .prepare_both = PrepareBoth,
+          .match = MatchPrepared,
+          .parse = ParsePreparedShape,
+          .estimate = EstimateMemoryBytes};
 }
 
 absl::Status ValidateLandmarks(absl::Span<const Landmark> landmarks,
@@ -194,12 +142,12 @@ absl::Status ValidateLandmarks(absl::Span<const Landmark> landmarks,
   return absl::OkStatus();
 }
 
-absl::StatusOr<Correspondence> MatchHere(const TriangleMesh& mesh_x,
-                                         const TriangleMesh& mesh_y,
-                                         absl::Span<const Landmark> landmarks,
-                                         const MatchOptions& options,
-                                         const ProgressCallback& progress,
-                                         std::stop_token stop) {
+absl::StatusOr<Correspondence> Match(const TriangleMesh& mesh_x,
+                                     const TriangleMesh& mesh_y,
+                                     absl::Span<const Landmark> landmarks,
+                                     const MatchOptions& options,
+                                     const ProgressCallback& progress,
+                                     std::stop_token stop) {
   ISOMATCH_RETURN_IF_ERROR(options.Validate());
   ISOMATCH_RETURN_IF_ERROR(ValidateMesh(mesh_x, "mesh_x"));
   ISOMATCH_RETURN_IF_ERROR(ValidateMesh(mesh_y, "mesh_y"));
@@ -209,112 +157,62 @@ absl::StatusOr<Correspondence> MatchHere(const TriangleMesh& mesh_x,
       const MemoryPlan plan,
       PlanWithinMemory(SizeOf(mesh_x), SizeOf(mesh_y),
                        static_cast<std::int64_t>(landmarks.size()), options));
-  absl::StatusOr<Correspondence> result = absl::InternalError("not run");
-  RunWithThreads(plan.options.threads, [&] {
-    result =
-        MatchParts(mesh_x, mesh_y, landmarks, plan.options, progress, stop);
-  });
-  if (result.ok()) {
-    Judge(&*result);
-    result->warnings.insert(result->warnings.begin(), plan.warnings.begin(),
-                            plan.warnings.end());
+  const MatchEngine& engine = ChosenEngine();
+  JoinedProgress joined(progress);
+  ISOMATCH_ASSIGN_OR_RETURN(
+      PreparedPair pair,
+      engine.prepare_both(SharedMesh::Borrowed(mesh_x),
+                          SharedMesh::Borrowed(mesh_y), plan.options,
+                          joined.OfPreparation(), stop));
+  absl::StatusOr<Correspondence> found =
+      engine.match(std::move(pair.x), std::move(pair.y), landmarks,
+                   plan.options, joined.OfMatching(), std::move(stop));
+  if (found.ok()) {
+    found->warnings.insert(found->warnings.begin(), plan.warnings.begin(),
+                           plan.warnings.end());
   }
-  return result;
+  return found;
 }
 
-absl::StatusOr<PreparedShape> PrepareHere(TriangleMesh mesh,
-                                          const MatchOptions& options,
-                                          const ProgressCallback& progress,
-                                          std::stop_token stop) {
+absl::StatusOr<PreparedShape> Prepare(SharedMesh mesh,
+                                      const MatchOptions& options,
+                                      const ProgressCallback& progress,
+                                      std::stop_token stop) {
   ISOMATCH_RETURN_IF_ERROR(options.Validate());
-  ISOMATCH_RETURN_IF_ERROR(ValidateMesh(mesh, "mesh"));
-  const ShapeContents shape = NewContents(std::move(mesh), options);
+  ISOMATCH_RETURN_IF_ERROR(ValidateMesh(*mesh, "mesh"));
+  return ChosenEngine().prepare(std::move(mesh), options, progress,
+                                std::move(stop));
+}
+
+absl::StatusOr<PreparedPair> PrepareBoth(ShapeSource x, ShapeSource y,
+                                         const MatchOptions& options,
+                                         const ProgressCallback& progress,
+                                         std::stop_token stop) {
+  ISOMATCH_RETURN_IF_ERROR(options.Validate());
+  ISOMATCH_RETURN_IF_ERROR(CheckSource(x, "mesh_x"));
+  ISOMATCH_RETURN_IF_ERROR(CheckSource(y, "mesh_y"));
+  return ChosenEngine().prepare_both(std::move(x), std::move(y), options,
+                                     progress, std::move(stop));
+}
+
+absl::StatusOr<Correspondence> MatchPrepared(
+    PreparedShape x, PreparedShape y, absl::Span<const Landmark> landmarks,
+    const MatchOptions& options, const ProgressCallback& progress,
+    std::stop_token stop) {
+  ISOMATCH_RETURN_IF_ERROR(options.Validate());
+  const PreparationKey key = PreparationKey::Of(options);
+  ISOMATCH_RETURN_IF_ERROR(CheckSameKey("mesh_x", x.contents().key, key));
+  ISOMATCH_RETURN_IF_ERROR(CheckSameKey("mesh_y", y.contents().key, key));
   ISOMATCH_RETURN_IF_ERROR(
-      PrepareContents({shape, nullptr}, options, progress, stop));
-  return PreparedShape(shape);
+      ValidateLandmarks(landmarks, x.contents().mesh->num_vertices(),
+                        y.contents().mesh->num_vertices()));
+  return ChosenEngine().match(std::move(x), std::move(y), landmarks, options,
+                              progress, std::move(stop));
 }
 
-absl::StatusOr<PreparedPair> PrepareBothHere(TriangleMesh mesh_x,
-                                             TriangleMesh mesh_y,
-                                             const MatchOptions& options,
-                                             const ProgressCallback& progress,
-                                             std::stop_token stop) {
-  ISOMATCH_RETURN_IF_ERROR(options.Validate());
-  ISOMATCH_RETURN_IF_ERROR(ValidateMesh(mesh_x, "mesh_x"));
-  ISOMATCH_RETURN_IF_ERROR(ValidateMesh(mesh_y, "mesh_y"));
-  const ShapeContents x = NewContents(std::move(mesh_x), options);
-  const ShapeContents y = NewContents(std::move(mesh_y), options);
-  ISOMATCH_RETURN_IF_ERROR(PrepareContents({x, y}, options, progress, stop));
-  return PreparedPair{PreparedShape(x), PreparedShape(y)};
-}
-
-std::string PreparationText(const MatchOptions& options) {
-  const PreparationKey key = PreparationKey::Of(options);
-  return absl::StrCat(InstructionSet(), " ", key.solved_vertices, " ",
-                      key.pool_size, " ", key.eigenpairs, " ",
-                      key.curvature_radius, " ", key.descriptor_radius);
-}
-
-std::int64_t PreparedShapeBytes(const PreparedShape& shape) {
-  // Of each vertex, and of each face beyond two a vertex: mesh, clean mesh,
-  // stars, numberings and, where decimated, embedding; measured, with a third
-  // to spare.
-  constexpr std::int64_t kVertex = 900;
-  constexpr std::int64_t kFace = 150;
-  const PreparedShape::Contents& contents = shape.contents();
-  const PreparedMesh& prepared = contents.prepared;
-  const auto bytes = [](std::int64_t count, size_t size) {
-    return count * static_cast<std::int64_t>(size);
-  };
-  return kVertex * (contents.mesh.num_vertices() +
-                    prepared.solved().mesh.num_vertices()) +
-         kFace *
-             std::max<std::int64_t>(0, contents.mesh.num_faces() -
-                                           2 * contents.mesh.num_vertices()) +
-         bytes(static_cast<std::int64_t>(prepared.hash.basis.fields().size()),
-               sizeof(float)) +
-         bytes(prepared.spectral.functions.size(), sizeof(double)) +
-         bytes(prepared.descriptors.columns.size(), sizeof(float));
-}
-
-absl::StatusOr<Correspondence> MatchPreparedHere(
-    const PreparedShape& x, const PreparedShape& y,
-    absl::Span<const Landmark> landmarks, const MatchOptions& options,
-    const ProgressCallback& progress, std::stop_token stop) {
-  ISOMATCH_RETURN_IF_ERROR(options.Validate());
-  const PreparedShape::Contents& own_x = x.contents();
-  const PreparedShape::Contents& own_y = y.contents();
-  const PreparationKey key = PreparationKey::Of(options);
-  ISOMATCH_RETURN_IF_ERROR(CheckSameKey("mesh_x", own_x.key, key));
-  ISOMATCH_RETURN_IF_ERROR(CheckSameKey("mesh_y", own_y.key, key));
-  if (options.match_components &&
-      (own_x.large_components > 1 || own_y.large_components > 1)) {
-    return MatchHere(own_x.mesh, own_y.mesh, landmarks, options, progress,
-                     stop);
-  }
-  ISOMATCH_RETURN_IF_ERROR(ValidateLandmarks(
-      landmarks, own_x.mesh.num_vertices(), own_y.mesh.num_vertices()));
-  ISOMATCH_RETURN_IF_ERROR(CheckDecimated(SizesOf(own_x.prepared),
-                                          SizesOf(own_y.prepared), options));
-  absl::StatusOr<Correspondence> result = absl::InternalError("not run");
-  RunWithThreads(options.threads, [&] {
-    ProgressReporter reporter(progress, StagePlan(options));
-    // Nothing is left to prepare; the stages are reported all the same.
-    const absl::Status prepared =
-        PrepareMeshes({}, options, &reporter, stop, nullptr);
-    result = !prepared.ok() ? absl::StatusOr<Correspondence>(prepared)
-                            : RunMatch(own_x.prepared, nullptr, own_y.prepared,
-                                       landmarks, options, &reporter, stop);
-  });
-  if (result.ok()) Judge(&*result);
-  return result;
+absl::StatusOr<PreparedShape> ParsePreparedShape(absl::string_view bytes,
+                                                 std::stop_token stop) {
+  return ChosenEngine().parse(bytes, std::move(stop));
 }
 
 }  // namespace isomatch
-
-const isomatch::MatcherFunctions* ISOMATCH_MATCHER_FUNCTIONS() {
-  static constexpr isomatch::MatcherFunctions kFunctions = {
-      isomatch::MatchHere, isomatch::PrepareHere, isomatch::PrepareBothHere,
-      isomatch::MatchPreparedHere, isomatch::ParsePreparedShapeHere};
-  return &kFunctions;
-}

@@ -15,8 +15,8 @@ namespace isomatch {
 
 /// Finds the dense correspondence from X to Y: for every vertex of X its place
 /// on Y (Holzschuh, Laehner, Cremers: Simulated Annealing for 3D Shape
-/// Correspondence, 3DV 2020). The one entry point of the service, the command
-/// line and the tests.
+/// Correspondence, 3DV 2020): PrepareBoth and MatchPrepared, which the service
+/// calls one by one to keep what is prepared.
 ///
 /// The meshes may have different vertex counts. `landmarks`, when given, take
 /// the place of generated seeds. The result depends on meshes, landmarks,
@@ -40,31 +40,31 @@ absl::StatusOr<Correspondence> Match(const TriangleMesh& mesh_x,
                                      const ProgressCallback& progress = {},
                                      std::stop_token stop = {});
 
-/// Prepares a mesh for Match with these options. Errors as Match; `mesh` is
-/// named "mesh". Reports the first three stages. Of two meshes no limit can be
-/// planned for one alone: with options.memory_limit_bytes, prepare with the
-/// options of PlanWithinMemory.
-absl::StatusOr<PreparedShape> Prepare(TriangleMesh mesh,
+/// Prepares a mesh for MatchPrepared with these options. Errors as Match;
+/// `mesh` is named "mesh". Reports the first three stages. Of two meshes no
+/// limit can be planned for one alone: with options.memory_limit_bytes, prepare
+/// with the options of PlanWithinMemory.
+absl::StatusOr<PreparedShape> Prepare(SharedMesh mesh,
                                       const MatchOptions& options,
                                       const ProgressCallback& progress = {},
                                       std::stop_token stop = {});
 
-/// Prepare of both meshes, both at the same time where threads allow. Errors as
-/// Match.
-absl::StatusOr<PreparedPair> PrepareBoth(TriangleMesh mesh_x,
-                                         TriangleMesh mesh_y,
+/// Prepares those of the two that are not prepared yet, both at the same time
+/// where threads allow. Errors as Match.
+absl::StatusOr<PreparedPair> PrepareBoth(ShapeSource x, ShapeSource y,
                                          const MatchOptions& options,
                                          const ProgressCallback& progress = {},
                                          std::stop_token stop = {});
 
-/// Match, of prepared shapes: the same result as of their meshes.
+/// Match, of prepared shapes: the same result as of their meshes. A shape of
+/// which the caller keeps no copy may be changed, which saves memory.
 /// INVALID_ARGUMENT also when one was prepared for other options; the message
-/// names the option. Meshes of several large components, which are matched one
-/// by one, are prepared anew.
+/// names the option. All stages are reported, those of the preparation as
+/// well (see JoinedProgress).
 absl::StatusOr<Correspondence> MatchPrepared(
-    const PreparedShape& x, const PreparedShape& y,
-    absl::Span<const Landmark> landmarks, const MatchOptions& options,
-    const ProgressCallback& progress = {}, std::stop_token stop = {});
+    PreparedShape x, PreparedShape y, absl::Span<const Landmark> landmarks,
+    const MatchOptions& options, const ProgressCallback& progress = {},
+    std::stop_token stop = {});
 
 /// Checks landmarks as Match does: every index in range, no vertex of X or Y in
 /// two of them. The message names `landmarks[i]`.

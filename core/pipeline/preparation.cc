@@ -38,7 +38,7 @@ absl::Status PrepareSpectral(const MatchOptions& options,
 }
 
 /// `status`, which begins with the field that it is about if it is INVALID.
-absl::Status About(const char* field, absl::Status status) {
+absl::Status About(const std::string& field, absl::Status status) {
   if (!absl::IsInvalidArgument(status)) return status;
   return absl::InvalidArgumentError(
       absl::StrCat(field, ": ", status.message()));
@@ -46,12 +46,11 @@ absl::Status About(const char* field, absl::Status status) {
 
 }  // namespace
 
-absl::Status PrepareMeshes(std::array<std::optional<CleanMesh>, 2> meshes,
+absl::Status PrepareMeshes(std::array<std::optional<MeshToPrepare>, 2> meshes,
                            const MatchOptions& options,
                            ProgressReporter* progress,
                            const std::stop_token& stop,
                            std::array<PreparedMesh, 2>* prepared) {
-  const bool is_pair = meshes[kX] && meshes[kY];
   const auto both = [&](const std::function<absl::Status(Side)>& prepare) {
     const auto one = [&](Side side) {
       return meshes[side] ? prepare(side) : absl::OkStatus();
@@ -60,13 +59,11 @@ absl::Status PrepareMeshes(std::array<std::optional<CleanMesh>, 2> meshes,
   };
   progress->Begin(Stage::kPrepare);
   ISOMATCH_RETURN_IF_ERROR(both([&](Side side) {
-    return PrepareSurface(*std::move(meshes[side]), options, stop,
+    return PrepareSurface(std::move(meshes[side]->clean), options, stop,
                           &(*prepared)[side]);
   }));
-  if (prepared != nullptr) {
-    ISOMATCH_RETURN_IF_ERROR(CheckDecimated(SizesOf((*prepared)[kX]),
-                                            SizesOf((*prepared)[kY]), options));
-  }
+  ISOMATCH_RETURN_IF_ERROR(CheckDecimated(SizesOf((*prepared)[kX]),
+                                          SizesOf((*prepared)[kY]), options));
   progress->Begin(Stage::kGeodesics);
   ISOMATCH_RETURN_IF_ERROR(both([&](Side side) -> absl::Status {
     ISOMATCH_ASSIGN_OR_RETURN(
@@ -77,9 +74,7 @@ absl::Status PrepareMeshes(std::array<std::optional<CleanMesh>, 2> meshes,
   }));
   if (SpectralCount(options) > 0) progress->Begin(Stage::kSpectral);
   ISOMATCH_RETURN_IF_ERROR(both([&](Side side) {
-    return About(!is_pair     ? "mesh"
-                 : side == kX ? "mesh_x"
-                              : "mesh_y",
+    return About(meshes[side]->field,
                  PrepareSpectral(options, stop, &(*prepared)[side]));
   }));
   return both(

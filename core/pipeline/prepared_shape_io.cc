@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <cstring>
 #include <memory>
+#include <optional>
 #include <string>
 #include <type_traits>
 #include <utility>
@@ -12,12 +13,12 @@
 #include <boost/crc.hpp>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/strip.h"
 #include "core/base/status_macros.h"
 #include "core/base/version.h"
 #include "core/descriptor/shot_descriptor.h"
 #include "core/pipeline/component_matching.h"
 #include "core/pipeline/match_options.h"
-#include "core/pipeline/matcher_functions.h"
 #include "core/pipeline/prepared_shape.h"
 #include "core/pipeline/shape_contents.h"
 
@@ -149,18 +150,22 @@ std::uint32_t CrcOf(const TriangleMesh& mesh) {
   return Crc32(writer.Take());
 }
 
-/// Gives every value that is stored to `visit`, in order.
-template <typename Visitor, typename Contents, typename Basis, typename Crc>
-void Fields(Visitor& visit, Contents& contents, Basis& basis, Crc& crc) {
-  visit(contents.key.solved_vertices);
-  visit(contents.key.pool_size);
-  visit(contents.key.eigenpairs);
-  visit(contents.key.curvature_radius);
-  visit(contents.key.descriptor_radius);
-  visit(contents.mesh.positions);
-  visit(contents.mesh.faces);
+/// Gives every value that is stored of any shape to `visit`, in order.
+template <typename Visitor, typename Key, typename Mesh, typename Crc>
+void MeshFields(Visitor& visit, Key& key, Mesh& mesh, Crc& crc) {
+  visit(key.solved_vertices);
+  visit(key.pool_size);
+  visit(key.eigenpairs);
+  visit(key.curvature_radius);
+  visit(key.descriptor_radius);
+  visit(mesh.positions);
+  visit(mesh.faces);
   visit(crc);
-  auto& prepared = contents.prepared;
+}
+
+/// And those that follow unless it is matched part by part.
+template <typename Visitor, typename Prepared, typename Basis>
+void PreparedFields(Visitor& visit, Prepared& prepared, Basis& basis) {
   visit(prepared.hash.farthest_points);
   visit(basis.points);
   visit(basis.num_vertices);
@@ -186,9 +191,8 @@ bool IsDistance(float value) { return value >= 0 && value <= kUnreachable; }
 
 /// A checksum keeps accidents out, not a file made to do harm: whatever is used
 /// as an index or a size is compared with the mesh, numbers must be finite.
-bool Consistent(const PreparedShape::Contents& contents,
+bool Consistent(const PreparationKey& key, const PreparedMesh& prepared,
                 const BasisParts& basis) {
-  const PreparedMesh& prepared = contents.prepared;
   const VertexIndex n = prepared.solved().mesh.num_vertices();
   const std::vector<VertexIndex>& farthest = prepared.hash.farthest_points;
   if (basis.num_vertices != n ||
@@ -202,7 +206,7 @@ bool Consistent(const PreparedShape::Contents& contents,
     return false;
   }
   const SpectralBasis& spectral = prepared.spectral;
-  const Eigen::Index pairs = std::min<Eigen::Index>(contents.key.eigenpairs, n);
+  const Eigen::Index pairs = std::min<Eigen::Index>(key.eigenpairs, n);
   if (spectral.eigenvalues.size() != pairs ||
       spectral.functions.cols() != pairs ||
       (pairs > 0 && spectral.functions.rows() != n) ||
@@ -212,24 +216,24 @@ bool Consistent(const PreparedShape::Contents& contents,
   }
   const ShapeDescriptors& descriptors = prepared.descriptors;
   const bool described =
-      prepared.solved().oriented && contents.key.descriptor_radius > 0;
+      prepared.solved().oriented && key.descriptor_radius > 0;
   if (!described) return descriptors.vertices.empty();
   return !descriptors.vertices.empty() && Distinct(descriptors.vertices, n) &&
          descriptors.columns.rows() == kShotSize &&
          descriptors.columns.cols() ==
              static_cast<Eigen::Index>(descriptors.vertices.size()) &&
          descriptors.columns.allFinite() &&
-         prepared.descriptor_radius >= contents.key.descriptor_radius &&
+         prepared.descriptor_radius >= key.descriptor_radius &&
          std::isfinite(prepared.descriptor_radius);
 }
 
 /// What of the rest follows from what was read.
-void Complete(BasisParts basis, PreparedShape::Contents* contents) {
-  PreparedMesh& prepared = contents->prepared;
+void Complete(const PreparationKey& key, BasisParts basis, PreparedMesh* into) {
+  PreparedMesh& prepared = *into;
   prepared.hash.basis = BasisPoints::FromFields(
       std::move(basis.points), basis.num_vertices, std::move(basis.fields));
   prepared.laplacian = BuildCotanLaplacian(prepared.solved().mesh);
-  if (contents->key.eigenpairs > 0) {
+  if (key.eigenpairs > 0) {
     prepared.spectral.mass = prepared.laplacian.mass;
   }
   ShapeDescriptors& descriptors = prepared.descriptors;
@@ -242,16 +246,89 @@ void Complete(BasisParts basis, PreparedShape::Contents* contents) {
   }
 }
 
+absl::Status DataLoss(absl::string_view problem) {
+  return absl::DataLossError(absl::StrCat("prepared shape: ", problem));
+}
+
+/// Removes magic and checksum from `bytes`.
+absl::Status CheckAndStrip(absl::string_view* bytes) {
+  const std::string magic = Magic();
+  if (!absl::ConsumePrefix(bytes, magic)) {
+    return DataLoss(absl::StrCat("does not begin with \"", magic, "\""));
+  }
+  std::uint32_t checksum = 0;
+  const bool has_checksum = bytes->size() >= sizeof(checksum);
+  if (has_checksum) {
+    std::memcpy(&checksum, bytes->data(), sizeof(checksum));
+    bytes->remove_prefix(sizeof(checksum));
+  }
+  if (!has_checksum || Crc32(*bytes) != checksum) {
+    return DataLoss("the checksum is wrong, the bytes were changed or cut off");
+  }
+  return absl::OkStatus();
+}
+
+/// What a shape is read from.
+struct Stored {
+  TriangleMesh mesh;
+  PreparationKey key;
+  std::uint32_t crc = 0;
+  /// Without what follows from the mesh; none of a shape in parts.
+  std::optional<PreparedMesh> whole;
+  BasisParts basis;
+};
+
+absl::StatusOr<Stored> ReadStored(absl::string_view bytes) {
+  Stored stored;
+  Reader reader(bytes);
+  MeshFields(reader, stored.key, stored.mesh, stored.crc);
+  if (!reader.ok()) {
+    PreparedFields(reader, stored.whole.emplace(), stored.basis);
+  }
+  if (!reader.ok()) return DataLoss("the sizes do not fit");
+  MatchOptions options;
+  options.solved_vertices = stored.key.solved_vertices;
+  const absl::Status valid = options.Validate();
+  const absl::Status valid_mesh = ValidateMesh(stored.mesh, "mesh");
+  if (valid.ok() && valid_mesh.ok()) return stored;
+  return DataLoss((valid.ok() ? valid_mesh : valid).message());
+}
+
+/// Cleans and decimates as before.
+absl::Status CompleteWhole(CleanMesh clean, const std::stop_token& stop,
+                           Stored* stored) {
+  MatchOptions options;
+  options.solved_vertices = stored->key.solved_vertices;
+  PreparedMesh& whole = *stored->whole;
+  ISOMATCH_RETURN_IF_ERROR(
+      PrepareSurface(std::move(clean), options, stop, &whole));
+  if (CrcOf(whole.solved().mesh) != stored->crc) {
+    return DataLoss(
+        "the mesh is cleaned or decimated otherwise here than where it was "
+        "prepared");
+  }
+  if (!Consistent(stored->key, whole, stored->basis)) {
+    return DataLoss("the parts do not fit");
+  }
+  Complete(stored->key, std::move(stored->basis), &whole);
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 std::string SerializePreparedShape(const PreparedShape& shape) {
   const PreparedShape::Contents& contents = shape.contents();
-  const BasisPoints& points = contents.prepared.hash.basis;
-  const BasisParts basis = {points.points(), points.num_vertices(),
-                            points.fields()};
-  const std::uint32_t crc = CrcOf(contents.prepared.solved().mesh);
+  const std::uint32_t crc = CrcOf(contents.whole ? contents.whole->solved().mesh
+                                  : contents.parts ? contents.parts->clean.mesh
+                                                   : *contents.mesh);
   Writer writer;
-  Fields(writer, contents, basis, crc);
+  MeshFields(writer, contents.key, *contents.mesh, crc);
+  if (contents.whole) {
+    const BasisPoints& points = contents.whole->hash.basis;
+    const BasisParts basis = {points.points(), points.num_vertices(),
+                              points.fields()};
+    PreparedFields(writer, *contents.whole, basis);
+  }
   const std::string payload = writer.Take();
   Writer checksum;
   checksum(Crc32(payload));
@@ -260,54 +337,24 @@ std::string SerializePreparedShape(const PreparedShape& shape) {
 
 absl::StatusOr<PreparedShape> ParsePreparedShapeHere(absl::string_view bytes,
                                                      std::stop_token stop) {
-  const std::string magic = Magic();
-  if (bytes.substr(0, magic.size()) != magic) {
-    return absl::DataLossError(
-        absl::StrCat("prepared shape: does not begin with \"", magic, "\""));
+  ISOMATCH_RETURN_IF_ERROR(CheckAndStrip(&bytes));
+  ISOMATCH_ASSIGN_OR_RETURN(Stored stored, ReadStored(bytes));
+  ISOMATCH_ASSIGN_OR_RETURN(MeshParts parts, SplitIntoParts(stored.mesh, stop));
+  const std::size_t large = parts.large.size();
+  if (stored.whole) {
+    ISOMATCH_RETURN_IF_ERROR(
+        CompleteWhole(std::move(parts.clean), stop, &stored));
+  } else if (!MatchedByParts(large) || CrcOf(parts.clean.mesh) != stored.crc) {
+    return DataLoss(
+        "the mesh has other components here than where it was prepared");
   }
-  bytes.remove_prefix(magic.size());
-  std::uint32_t checksum = 0;
-  const bool has_checksum = bytes.size() >= sizeof(checksum);
-  if (has_checksum) {
-    std::memcpy(&checksum, bytes.data(), sizeof(checksum));
-    bytes.remove_prefix(sizeof(checksum));
-  }
-  if (!has_checksum || Crc32(bytes) != checksum) {
-    return absl::DataLossError(
-        "prepared shape: the checksum is wrong, the bytes were changed or cut "
-        "off");
-  }
-  auto contents = std::make_shared<PreparedShape::Contents>();
-  BasisParts basis;
-  std::uint32_t crc = 0;
-  Reader reader(bytes);
-  Fields(reader, *contents, basis, crc);
-  if (!reader.ok()) {
-    return absl::DataLossError("prepared shape: the sizes do not fit");
-  }
-  PreparedMesh& prepared = contents->prepared;
-  MatchOptions options;
-  options.solved_vertices = contents->key.solved_vertices;
-  const absl::Status valid = options.Validate();
-  const absl::Status valid_mesh = ValidateMesh(contents->mesh, "mesh");
-  if (!valid.ok() || !valid_mesh.ok()) {
-    return absl::DataLossError(absl::StrCat(
-        "prepared shape: ", (valid.ok() ? valid_mesh : valid).message()));
-  }
-  ISOMATCH_ASSIGN_OR_RETURN(MeshParts parts,
-                            SplitIntoParts(contents->mesh, stop));
-  contents->large_components = static_cast<std::int32_t>(parts.large.size());
-  ISOMATCH_RETURN_IF_ERROR(
-      PrepareSurface(std::move(parts.clean), options, stop, &prepared));
-  if (CrcOf(prepared.solved().mesh) != crc) {
-    return absl::DataLossError(
-        "prepared shape: the mesh is cleaned or decimated otherwise here than "
-        "where it was prepared");
-  }
-  if (!Consistent(*contents, basis)) {
-    return absl::DataLossError("prepared shape: the parts do not fit");
-  }
-  Complete(std::move(basis), contents.get());
+  auto contents =
+      std::make_shared<PreparedShape::Contents>(PreparedShape::Contents{
+          .mesh = std::move(stored.mesh),
+          .key = stored.key,
+          .large_components = static_cast<std::int32_t>(large),
+          .whole = std::move(stored.whole)});
+  if (!contents->whole) contents->parts = std::move(parts);
   return PreparedShape(std::move(contents));
 }
 

@@ -1,8 +1,12 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
+#include <stop_token>
 
-#include "core/mesh/triangle_mesh.h"
+#include "absl/status/statusor.h"
+#include "absl/strings/string_view.h"
+#include "core/pipeline/component_matching.h"
 #include "core/pipeline/match_options.h"
 #include "core/pipeline/prepared_mesh.h"
 #include "core/pipeline/prepared_shape.h"
@@ -20,11 +24,18 @@ struct PreparationKey {
   static PreparationKey Of(const MatchOptions& options);
 };
 
+/// Either `whole` or `parts` is set once the shape is prepared.
 struct PreparedShape::Contents {
-  TriangleMesh mesh;
-  PreparationKey key;
-  PreparedMesh prepared;
+  SharedMesh mesh;
+  PreparationKey key = {};
   std::int32_t large_components = 1;
+  std::optional<PreparedMesh> whole = std::nullopt;
+  /// Of a shape that is matched part by part.
+  std::optional<MeshParts> parts = std::nullopt;
 };
+
+/// ParsePreparedShape, compiled with this core.
+absl::StatusOr<PreparedShape> ParsePreparedShapeHere(absl::string_view bytes,
+                                                     std::stop_token stop);
 
 }  // namespace isomatch

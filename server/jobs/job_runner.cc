@@ -9,6 +9,10 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
+#include "core/mesh/mesh_size.h"
+#include "core/pipeline/matcher.h"
+#include "core/pipeline/memory_estimate.h"
+#include "core/pipeline/memory_plan.h"
 #include "server/jobs/errors.h"
 #include "server/jobs/prepared_matching.h"
 #include "server/jobs/process_memory.h"
@@ -116,12 +120,14 @@ std::vector<StoredLandmark> LandmarksOf(const JobSpec& spec,
   return stored;
 }
 
-JobResult Summarize(const JobSpec& spec, Correspondence found) {
+/// `size_x`, `size_y`: of the spec's meshes, which have been used up.
+JobResult Summarize(const JobSpec& spec, MeshSize size_x, MeshSize size_y,
+                    Correspondence found) {
   JobResult result;
-  result.mesh_x = {spec.mesh_x.num_vertices(), spec.mesh_x.num_faces(),
-                   found.area_x, std::move(found.warnings_x)};
-  result.mesh_y = {spec.mesh_y.num_vertices(), spec.mesh_y.num_faces(),
-                   found.area_y, std::move(found.warnings_y)};
+  result.mesh_x = {size_x.vertices, size_x.faces, found.area_x,
+                   std::move(found.warnings_x)};
+  result.mesh_y = {size_y.vertices, size_y.faces, found.area_y,
+                   std::move(found.warnings_y)};
   result.unmatched =
       std::count(found.y_from_x.begin(), found.y_from_x.end(), kNoVertex);
   result.scores = ToStored(found.scores);
@@ -153,16 +159,16 @@ absl::Status WithReason(const absl::Status& status) {
 
 }  // namespace
 
-std::int64_t JobRunner::HeldBytes(const JobSpec& spec, bool with_cache) const {
+std::int64_t JobRunner::HeldBytes(const JobSpec& spec, bool with_cache) {
   const std::int64_t extra =
-      with_cache ? engine_.estimate_prepared_extra(
-                       SizeOf(spec.mesh_x), SizeOf(spec.mesh_y), spec.options)
+      with_cache ? EstimatePreparedExtraBytes(SizeOf(spec.mesh_x),
+                                              SizeOf(spec.mesh_y), spec.options)
                  : 0;
   return MeshBytes(spec) + extra;
 }
 
 std::int64_t JobRunner::EstimateBytes(const JobSpec& spec) const {
-  return HeldBytes(spec, uses_cache()) +
+  return HeldBytes(spec, cache_.capacity_bytes() > 0) +
          engine_.estimate(SizeOf(spec.mesh_x), SizeOf(spec.mesh_y),
                           static_cast<std::int64_t>(spec.landmarks.size()),
                           spec.options);
@@ -172,13 +178,11 @@ absl::Status JobRunner::PlanMemory(JobSpec& spec) const {
   if (spec.options.memory_limit_bytes == 0) return absl::OkStatus();
   // As with the cache, whether there is one now or not: a job that is loaded
   // again after a restart is to get the same plan.
-  const std::int64_t held =
-      HeldBytes(spec, engine_.estimate_prepared_extra != nullptr);
   ISOMATCH_ASSIGN_OR_RETURN(
       MemoryPlan plan,
-      engine_.plan(SizeOf(spec.mesh_x), SizeOf(spec.mesh_y),
-                   static_cast<std::int64_t>(spec.landmarks.size()),
-                   spec.options, held));
+      PlanWithinMemory(SizeOf(spec.mesh_x), SizeOf(spec.mesh_y),
+                       static_cast<std::int64_t>(spec.landmarks.size()),
+                       spec.options, HeldBytes(spec, true)));
   spec.options = std::move(plan.options);
   spec.warnings.insert(spec.warnings.end(), plan.warnings.begin(),
                        plan.warnings.end());
@@ -192,8 +196,8 @@ void JobRunner::LimitToEstimate(JobSpec& spec) const {
 }
 
 absl::Status JobRunner::ValidateLandmarks(const JobSpec& spec) const {
-  return engine_.validate_landmarks(spec.landmarks, spec.mesh_x.num_vertices(),
-                                    spec.mesh_y.num_vertices());
+  return isomatch::ValidateLandmarks(spec.landmarks, spec.mesh_x.num_vertices(),
+                                     spec.mesh_y.num_vertices());
 }
 
 absl::StatusOr<RunOutcome> JobRunner::Run(const LoadSpec& load,
@@ -206,14 +210,14 @@ absl::StatusOr<RunOutcome> JobRunner::Run(const LoadSpec& load,
     const ProgressCallback report = [&](const Progress& progress) {
       meter.OnProgress(progress);
     };
+    const MeshSize size_x = SizeOf(spec.mesh_x);
+    const MeshSize size_y = SizeOf(spec.mesh_y);
     absl::StatusOr<Correspondence> found =
-        uses_cache() ? MatchWithCache(engine_, spec, *cache_, report, stop)
-                     : engine_.match(spec.mesh_x, spec.mesh_y, spec.landmarks,
-                                     spec.options, report, stop);
+        MatchWithCache(engine_, spec, cache_, report, stop);
     if (!found.ok()) return WithReason(found.status());
     RunOutcome outcome;
     outcome.parts = EncodeParts(*found);
-    outcome.result = Summarize(spec, *std::move(found));
+    outcome.result = Summarize(spec, size_x, size_y, *std::move(found));
     meter.Finish(outcome.result);
     return outcome;
   } catch (const std::bad_alloc&) {

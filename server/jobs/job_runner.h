@@ -8,8 +8,8 @@
 
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
+#include "core/pipeline/match_engine.h"
 #include "server/jobs/job_spec.h"
-#include "server/jobs/match_engine.h"
 #include "server/jobs/prepared_cache.h"
 #include "server/jobs/result_parts.h"
 #include "server/storage/job_record.h"
@@ -34,8 +34,8 @@ class JobRunner {
   /// The shortest time between two calls of OnProgress within a stage.
   static constexpr absl::Duration kProgressInterval = absl::Milliseconds(100);
 
-  /// `cache` may be null and outlives the runner.
-  JobRunner(MatchEngine engine, Clock now, PreparedCache* cache = nullptr)
+  /// `cache` outlives the runner.
+  JobRunner(MatchEngine engine, Clock now, PreparedCache& cache)
       : engine_(std::move(engine)), now_(std::move(now)), cache_(cache) {}
 
   /// Returns an upper bound on the bytes the job needs, its meshes included.
@@ -57,21 +57,17 @@ class JobRunner {
                                  const std::stop_token& stop) const;
 
  private:
-  /// What the job holds beyond what matching its meshes takes, and, with the
-  /// cache, its prepared shapes.
-  std::int64_t HeldBytes(const JobSpec& spec, bool with_cache) const;
+  /// What the job holds beyond what matching its meshes takes: these, and
+  /// prepared shapes that the cache may hold as well.
+  static std::int64_t HeldBytes(const JobSpec& spec, bool with_cache);
 
   /// So that a mesh that cannot be decimated as it was estimated takes no more
   /// than the job has reserved.
   void LimitToEstimate(JobSpec& spec) const;
 
-  bool uses_cache() const {
-    return cache_ != nullptr && engine_.match_prepared != nullptr;
-  }
-
   const MatchEngine engine_;
   const Clock now_;
-  PreparedCache* const cache_;
+  PreparedCache& cache_;
 };
 
 }  // namespace isomatch

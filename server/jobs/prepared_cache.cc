@@ -7,6 +7,7 @@ namespace isomatch {
 
 std::optional<PreparedShape> PreparedCache::Find(const BlobKey& key,
                                                  const std::stop_token& stop) {
+  if (capacity_bytes_ == 0) return std::nullopt;
   bool write = false;
   std::optional<PreparedShape> shape = FindInMemory(key, write);
   if (!shape) return FindOnDisk(key, stop);

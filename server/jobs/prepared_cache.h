@@ -30,14 +30,16 @@ class PreparedCache {
     std::int64_t missing = 0;
   };
 
-  /// Keeps nothing with 0 bytes. `disk` may be null, and finds its blobs by
-  /// names that are not the digests of their content.
+  /// Keeps nothing and finds nothing with 0 bytes. `disk` may be null, and
+  /// finds its blobs by names that are not the digests of their content.
   PreparedCache(std::int64_t capacity_bytes, BlobStore* disk)
       : capacity_bytes_(capacity_bytes), disk_(disk) {}
 
   /// Returns the shape, or nullopt. A second use puts it on disk.
   std::optional<PreparedShape> Find(const BlobKey& key,
                                     const std::stop_token& stop);
+
+  std::int64_t capacity_bytes() const { return capacity_bytes_; }
 
   /// Keeps the shape, unless it is larger than all the room.
   void Keep(const BlobKey& key, const PreparedShape& shape);

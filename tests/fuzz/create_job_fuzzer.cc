@@ -24,7 +24,9 @@ constexpr char kTenant[] = "default";
 /// One mesh is there, of the bytes that the corpus names by their digest.
 class FuzzedService {
  public:
-  FuzzedService() : runner_(CoreMatchEngine(), [] { return absl::Now(); }) {
+  FuzzedService()
+      : runner_(
+            CoreMatchEngine(), [] { return absl::Now(); }, no_cache_) {
     TriangleMesh tetrahedron;
     tetrahedron.positions.resize(4, 3);
     tetrahedron.positions << 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1;
@@ -49,6 +51,7 @@ class FuzzedService {
   }
 
   MemoryBlobStore blobs_{1 << 20};
+  PreparedCache no_cache_{0, nullptr};
   JobRunner runner_;
   ParseContext context_;
 };

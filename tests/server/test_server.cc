@@ -6,8 +6,10 @@
 #include "absl/time/clock.h"
 #include "core/base/sha256.h"
 #include "core/io/draco_mesh.h"
+#include "core/pipeline/shape_contents.h"
 #include "google/rpc/status.pb.h"
 #include "tests/support/shapes.h"
+#include "tests/support/unprepared_engine.h"
 
 namespace isomatch {
 
@@ -96,9 +98,9 @@ ServerConfig TestServer::TestConfig() {
 }
 
 MatchEngine TestServer::GatedEngine() {
-  MatchEngine engine;
+  MatchEngine engine = UnpreparedEngine();
   engine.match =
-      [this](const TriangleMesh& mesh_x, const TriangleMesh& mesh_y,
+      [this](const PreparedShape& x, const PreparedShape& y,
              absl::Span<const Landmark> landmarks, const MatchOptions& options,
              const ProgressCallback& progress,
              const std::stop_token& stop) -> absl::StatusOr<Correspondence> {
@@ -110,21 +112,14 @@ MatchEngine TestServer::GatedEngine() {
     if (stop.stop_requested()) return absl::CancelledError("cancelled");
     progress({Stage::kDense, 0, 0.5});
     Correspondence found;
-    for (VertexIndex i = 0; i < mesh_x.num_vertices(); ++i) {
-      found.y_from_x.push_back(i % mesh_y.num_vertices());
+    const VertexIndex vertices_y = y.contents().mesh->num_vertices();
+    for (VertexIndex i = 0; i < x.contents().mesh->num_vertices(); ++i) {
+      found.y_from_x.push_back(i % vertices_y);
     }
     if (on_found_) on_found_(landmarks, options, found);
     return found;
   };
   engine.estimate = [](auto&&...) { return std::int64_t{1} << 20; };
-  engine.plan = PlanWithinMemory;
-  engine.validate_landmarks = [](absl::Span<const Landmark> landmarks, auto,
-                                 auto) -> absl::Status {
-    if (landmarks.size() == 2 && landmarks[0].x == landmarks[1].x) {
-      return absl::InvalidArgumentError("landmarks[1].x is matched twice");
-    }
-    return absl::OkStatus();
-  };
   return engine;
 }
 

@@ -169,7 +169,7 @@ TEST(CheckDecimatedTest, PreparedShapesThatCouldNotBeDecimatedAreRefused) {
   options.solved_vertices = 600;
   const auto prepared = Prepare(AnyFaces(1200), options);
   ASSERT_THAT(prepared, IsOk());
-  const MeshSize size = SizesOf(prepared->contents().prepared).mesh;
+  const MeshSize size = SizesOf(*prepared->contents().whole).mesh;
   options.memory_limit_bytes = EstimateMemoryBytes(size, size, 0, options);
   EXPECT_THAT(MatchPrepared(*prepared, *prepared, {}, options),
               StatusIs(absl::StatusCode::kResourceExhausted,
@@ -181,7 +181,7 @@ TEST(CheckDecimatedTest, WithoutALimitAMeshThatCannotBeDecimatedIsPrepared) {
   options.solved_vertices = 500;
   const auto prepared = Prepare(AnyFaces(1000), options);
   ASSERT_THAT(prepared, IsOk());
-  EXPECT_GT(prepared->contents().prepared.solved().mesh.num_vertices(), 900);
+  EXPECT_GT(prepared->contents().whole->solved().mesh.num_vertices(), 900);
 }
 
 class LimitedMatchTest : public testing::Test {

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <cstring>
 #include <string>
+#include <utility>
 
 #include <gtest/gtest.h>
 #include <boost/crc.hpp>
@@ -11,6 +12,7 @@
 #include "core/pipeline/match_options.h"
 #include "core/pipeline/matcher.h"
 #include "core/pipeline/prepared_shape.h"
+#include "core/pipeline/shape_contents.h"
 #include "tests/support/dirty_meshes.h"
 #include "tests/support/matchers.h"
 #include "tests/support/quick_options.h"
@@ -45,6 +47,12 @@ class PreparedShapeTest : public testing::TestWithParam<int> {
     auto shape = Prepare(mesh, options_);
     EXPECT_THAT(shape, IsOk());
     return *std::move(shape);
+  }
+
+  TriangleMesh TwoComponents() const {
+    return Joined(Untouched(FiveArms(3)), Untouched(Moved(BumpySphere(3), 1)),
+                  x_.num_vertices())
+        .mesh;
   }
 
   MatchOptions options_ = QuickOptions();
@@ -150,16 +158,62 @@ TEST_P(PreparedShapeTest, ServesLandmarksOnEitherSideOfASymmetry) {
 }
 
 TEST_P(PreparedShapeTest, MeshesOfSeveralComponentsMatchAsWell) {
-  const TriangleMesh two =
-      Joined(Untouched(FiveArms(3)), Untouched(Moved(BumpySphere(3), 1)),
-             x_.num_vertices())
-          .mesh;
+  const TriangleMesh two = TwoComponents();
   const auto direct = Match(two, two, {}, options_);
-  const auto prepared =
-      MatchPrepared(Prepared(two), Prepared(two), {}, options_);
+  const PreparedShape shape = Prepared(two);
+  const auto prepared = MatchPrepared(shape, shape, {}, options_);
   ASSERT_THAT(direct, IsOk());
   ASSERT_THAT(prepared, IsOk());
   ExpectSame(*direct, *prepared);
+  // Nothing was computed for the two together, and what is read again from
+  // bytes serves as well.
+  EXPECT_FALSE(shape.contents().whole);
+  const auto read = ParsePreparedShape(SerializePreparedShape(shape));
+  ASSERT_THAT(read, IsOk());
+  const auto again = MatchPrepared(shape, *read, {}, options_);
+  ASSERT_THAT(again, IsOk());
+  ExpectSame(*direct, *again);
+}
+
+TEST_P(PreparedShapeTest, OneComponentMeetsTwoAsItsMeshDoes) {
+  const TriangleMesh two = TwoComponents();
+  for (const bool two_first : {false, true}) {
+    const TriangleMesh& x = two_first ? two : x_;
+    const TriangleMesh& y = two_first ? x_ : two;
+    const auto direct = Match(x, y, {}, options_);
+    const auto prepared = MatchPrepared(Prepared(x), Prepared(y), {}, options_);
+    ASSERT_THAT(direct, IsOk());
+    ASSERT_THAT(prepared, IsOk());
+    ExpectSame(*direct, *prepared);
+  }
+}
+
+TEST_P(PreparedShapeTest, WhatWasSplitIsPreparedAsAWholeWhenThatIsMatched) {
+  const TriangleMesh two = TwoComponents();
+  const PreparedShape split = Prepared(two);
+  options_.match_components = false;
+  const PreparedShape whole = Prepared(two);
+  ASSERT_TRUE(split.contents().parts);
+  ASSERT_TRUE(whole.contents().whole);
+  const auto expected = MatchPrepared(whole, whole, {}, options_);
+  ASSERT_THAT(expected, IsOk());
+  for (const auto& [x, y] : {std::pair(split, split), std::pair(split, whole),
+                             std::pair(whole, split)}) {
+    const auto found = MatchPrepared(x, y, {}, options_);
+    ASSERT_THAT(found, IsOk());
+    ExpectSame(*expected, *found);
+  }
+}
+
+TEST_P(PreparedShapeTest, OnlyTheLastCopyMayBeChanged) {
+  PreparedShape shape = Prepared(x_);
+  EXPECT_EQ(shape.own_contents(), &shape.contents());
+  {
+    PreparedShape copy = shape;
+    EXPECT_EQ(shape.own_contents(), nullptr);
+    EXPECT_EQ(copy.own_contents(), nullptr);
+  }
+  EXPECT_EQ(shape.own_contents(), &shape.contents());
 }
 
 TEST_P(PreparedShapeTest, RefusesOtherOptionsThanItWasPreparedFor) {

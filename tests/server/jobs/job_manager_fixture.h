@@ -19,6 +19,7 @@
 #include "server/storage/memory_job_store.h"
 #include "tests/server/manual_executor.h"
 #include "tests/support/matchers.h"
+#include "tests/support/unprepared_engine.h"
 
 namespace isomatch {
 
@@ -106,7 +107,7 @@ class JobManagerTest : public testing::Test {
   }
 
   MatchEngine FakeEngine() {
-    MatchEngine engine;
+    MatchEngine engine = UnpreparedEngine();
     engine.match = [this](
                        auto&&, auto&&, auto&&, auto&&, auto&& progress,
                        std::stop_token stop) -> absl::StatusOr<Correspondence> {
@@ -180,7 +181,8 @@ class JobManagerTest : public testing::Test {
   JobStoreWithHook jobs_;
   BlobStoreWithHook blobs_{kBlobBytes};
   MemoryBudget budget_{kBudget};
-  JobRunner runner_{FakeEngine(), absl::Now};
+  PreparedCache no_cache_{0, nullptr};
+  JobRunner runner_{FakeEngine(), absl::Now, no_cache_};
   ManualExecutor workers_;
   ManualExecutor timers_;
   std::unique_ptr<JobManager> manager_;

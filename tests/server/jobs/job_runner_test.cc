@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "server/jobs/errors.h"
 #include "tests/support/matchers.h"
+#include "tests/support/unprepared_engine.h"
 
 namespace isomatch {
 namespace {
@@ -23,12 +24,13 @@ using testing::HasSubstr;
 class JobRunnerTest : public testing::Test {
  protected:
   JobRunner Runner(decltype(MatchEngine::match) match) {
-    MatchEngine engine;
+    MatchEngine engine = UnpreparedEngine();
     engine.match = std::move(match);
     engine.estimate = [](MeshSize x, MeshSize y, std::int64_t, const auto&) {
       return x.vertices + y.vertices;
     };
-    return JobRunner(engine, [this] { return now_; });
+    return JobRunner(
+        engine, [this] { return now_; }, no_cache_);
   }
 
   absl::StatusOr<RunOutcome> Run(decltype(MatchEngine::match) match) {
@@ -40,6 +42,7 @@ class JobRunnerTest : public testing::Test {
              {});
   }
 
+  PreparedCache no_cache_{0, nullptr};
   absl::Time now_ = absl::UnixEpoch();
   std::vector<double> reports_;
 };

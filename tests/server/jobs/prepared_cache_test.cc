@@ -99,26 +99,30 @@ class MatchWithCacheTest : public testing::Test {
     spec_.options = QuickOptions();
     spec_.prepared_x = Key("x");
     spec_.prepared_y = Key("y");
-    engine_.prepare = [this](auto&&... arguments) {
-      ++prepared_;
-      return Prepare(arguments...);
-    };
-    engine_.prepare_both = [this](auto&&... arguments) {
-      prepared_ += 2;
-      return PrepareBoth(arguments...);
+    engine_.prepare_both = [this](ShapeSource x, ShapeSource y,
+                                  auto&&... arguments) {
+      prepared_ += std::holds_alternative<SharedMesh>(x);
+      prepared_ += std::holds_alternative<SharedMesh>(y);
+      return PrepareBoth(std::move(x), std::move(y), arguments...);
     };
   }
 
   VertexMap Match() {
     fractions_.clear();
+    JobSpec spec = spec_;
     const auto found = MatchWithCache(
-        engine_, spec_, cache_,
+        engine_, spec, cache_,
         [this](const Progress& p) { fractions_.push_back(p.total_fraction); },
         {});
     EXPECT_THAT(found, IsOk());
     EXPECT_TRUE(std::is_sorted(fractions_.begin(), fractions_.end()));
     EXPECT_EQ(fractions_.back(), 1);
     return found.ok() ? found->y_from_x : VertexMap();
+  }
+
+  absl::Status Failure(const std::stop_token& stop = {}) {
+    JobSpec spec = spec_;
+    return MatchWithCache(engine_, spec, cache_, {}, stop).status();
   }
 
   MatchEngine engine_ = CoreMatchEngine();
@@ -157,23 +161,31 @@ TEST_F(MatchWithCacheTest, AnErrorOfTheMeshThatWasNotThereNamesIt) {
   Match();
   spec_.prepared_y = Key("flat");
   spec_.mesh_y.positions.setZero();
-  EXPECT_THAT(MatchWithCache(engine_, spec_, cache_, [](const auto&) {}, {}),
-              StatusIs(absl::StatusCode::kInvalidArgument,
-                       testing::StartsWith("mesh_y: surface area")));
+  EXPECT_THAT(Failure(), StatusIs(absl::StatusCode::kInvalidArgument,
+                                  testing::StartsWith("mesh_y: surface area")));
 }
 
 TEST_F(MatchWithCacheTest, ErrorsOfPreparationEndTheMatch) {
   spec_.mesh_y.positions.setZero();
-  EXPECT_THAT(MatchWithCache(engine_, spec_, cache_, [](const auto&) {}, {}),
-              StatusIs(absl::StatusCode::kInvalidArgument,
-                       testing::HasSubstr("mesh_y")));
+  EXPECT_THAT(Failure(), StatusIs(absl::StatusCode::kInvalidArgument,
+                                  testing::HasSubstr("mesh_y")));
   EXPECT_EQ(cache_.size_bytes(), 0);
   std::stop_source stop;
   stop.request_stop();
   spec_.mesh_y = spec_.mesh_x;
-  EXPECT_THAT(MatchWithCache(
-                  engine_, spec_, cache_, [](const auto&) {}, stop.get_token()),
+  EXPECT_THAT(Failure(stop.get_token()),
               StatusIs(absl::StatusCode::kCancelled, testing::_));
+}
+
+TEST_F(MatchWithCacheTest, WithoutRoomNothingIsKeptAndTheMapIsTheSame) {
+  const VertexMap kept = Match();
+  PreparedCache none(0, nullptr);
+  JobSpec spec = spec_;
+  const auto found = MatchWithCache(engine_, spec, none, {}, {});
+  ASSERT_THAT(found, IsOk());
+  EXPECT_EQ(found->y_from_x, kept);
+  EXPECT_EQ(prepared_, 4);
+  EXPECT_EQ(none.counts().missing, 0);
 }
 
 }  // namespace

@@ -9,7 +9,7 @@
 #include <gtest/gtest.h>
 
 #include "core/base/sha256.h"
-#include "server/jobs/match_engine.h"
+#include "core/pipeline/match_engine.h"
 #include "tests/server/test_server.h"
 #include "tests/support/shapes.h"
 

@@ -1,0 +1,228 @@
+#include "core/pipeline/shape_matching.h"
+
+#include <algorithm>
+#include <array>
+#include <memory>
+#include <optional>
+#include <stop_token>
+#include <string>
+#include <utility>
+#include <variant>
+
+#include "core/base/parallel.h"
+#include "core/base/status_macros.h"
+#include "core/matching/matching.h"
+#include "core/pipeline/component_matching.h"
+#include "core/pipeline/match_run.h"
+#include "core/pipeline/memory_plan.h"
+#include "core/pipeline/preparation.h"
+#include "core/pipeline/progress_reporter.h"
+#include "core/pipeline/shape_contents.h"
+#include "core/pipeline/stage_plan.h"
+
+namespace isomatch {
+namespace {
+
+/// A shape on its way to being prepared.
+struct ShapeToPrepare {
+  std::shared_ptr<PreparedShape::Contents> contents;
+  /// What errors call it.
+  std::string field;
+};
+
+using ShapesToPrepare = std::array<std::optional<ShapeToPrepare>, 2>;
+
+ShapeToPrepare NewShape(SharedMesh mesh, const MatchOptions& options,
+                        const std::string& field) {
+  return {std::make_shared<PreparedShape::Contents>(PreparedShape::Contents{
+              .mesh = std::move(mesh), .key = PreparationKey::Of(options)}),
+          field};
+}
+
+/// Splits the mesh; the shape keeps its parts where they are matched one by
+/// one, and is to be prepared as a whole otherwise.
+absl::Status Split(const ShapeToPrepare& shape, const MatchOptions& options,
+                   const std::stop_token& stop,
+                   std::optional<MeshToPrepare>* whole) {
+  PreparedShape::Contents& contents = *shape.contents;
+  ISOMATCH_ASSIGN_OR_RETURN(MeshParts parts,
+                            SplitIntoParts(*contents.mesh, stop));
+  contents.large_components = static_cast<std::int32_t>(parts.large.size());
+  if (options.match_components && MatchedByParts(parts.large.size())) {
+    contents.parts = std::move(parts);
+  } else {
+    *whole = {std::move(parts.clean), shape.field};
+  }
+  return absl::OkStatus();
+}
+
+/// Fills in one or both.
+absl::Status PrepareShapes(const ShapesToPrepare& shapes,
+                           const MatchOptions& options,
+                           const ProgressCallback& progress,
+                           const std::stop_token& stop) {
+  // Cleaning takes its time and comes before all reports.
+  if (progress) progress({Stage::kPrepare, 0, 0});
+  std::array<std::optional<MeshToPrepare>, 2> wholes;
+  const auto split = [&](Side side) {
+    return shapes[side] ? Split(*shapes[side], options, stop, &wholes[side])
+                        : absl::OkStatus();
+  };
+  absl::Status status = absl::InternalError("not run");
+  RunWithThreads(options.threads, [&] {
+    status = RunBoth([&] { return split(kX); }, [&] { return split(kY); });
+    std::array<bool, 2> is_whole = {wholes[kX].has_value(),
+                                    wholes[kY].has_value()};
+    if (!status.ok() || !(is_whole[kX] || is_whole[kY])) return;
+    ProgressReporter reporter(progress, StagePlan(options));
+    std::array<PreparedMesh, 2> prepared;
+    status =
+        PrepareMeshes(std::move(wholes), options, &reporter, stop, &prepared);
+    for (const Side side : {kX, kY}) {
+      if (is_whole[side]) {
+        shapes[side]->contents->whole = std::move(prepared[side]);
+      }
+    }
+  });
+  return status;
+}
+
+/// Each part is prepared when its turn comes.
+absl::StatusOr<Correspondence> MatchInParts(
+    const PreparedShape& x, const PreparedShape& y,
+    absl::Span<const Landmark> landmarks, const MatchOptions& options,
+    const ProgressCallback& progress, const std::stop_token& stop) {
+  const std::array<const PreparedShape::Contents*, 2> shapes = {&x.contents(),
+                                                                &y.contents()};
+  std::array<MeshParts, 2> split;  // of one that was prepared as a whole
+  std::array<const MeshParts*, 2> parts;
+  const auto find = [&](Side side) -> absl::Status {
+    const PreparedShape::Contents& shape = *shapes[side];
+    parts[side] = shape.parts ? &*shape.parts : &split[side];
+    if (shape.parts) return absl::OkStatus();
+    ISOMATCH_ASSIGN_OR_RETURN(split[side], SplitIntoParts(*shape.mesh, stop));
+    return absl::OkStatus();
+  };
+  ISOMATCH_RETURN_IF_ERROR(
+      RunBoth([&] { return find(kX); }, [&] { return find(kY); }));
+  const auto match_one =
+      [&](const TriangleMesh& part_x, const TriangleMesh& part_y,
+          absl::Span<const Landmark> known,
+          const ProgressCallback& report) -> absl::StatusOr<Correspondence> {
+    ISOMATCH_ASSIGN_OR_RETURN(CleanMesh clean_x, Clean(part_x, stop));
+    ISOMATCH_ASSIGN_OR_RETURN(CleanMesh clean_y, Clean(part_y, stop));
+    ProgressReporter reporter(report, StagePlan(options));
+    std::array<PreparedMesh, 2> prepared;
+    ISOMATCH_RETURN_IF_ERROR(
+        PrepareMeshes({MeshToPrepare{std::move(clean_x), "mesh_x"},
+                       MeshToPrepare{std::move(clean_y), "mesh_y"}},
+                      options, &reporter, stop, &prepared));
+    return RunMatch(prepared[kX], &prepared[kX], prepared[kY], known, options,
+                    &reporter, stop);
+  };
+  return MatchByParts(*shapes[kX]->mesh, *parts[kX], *parts[kY], landmarks,
+                      match_one, progress, stop);
+}
+
+/// As one, whatever components they have.
+absl::StatusOr<Correspondence> MatchWhole(PreparedShape& x, PreparedShape& y,
+                                          absl::Span<const Landmark> landmarks,
+                                          const MatchOptions& options,
+                                          const ProgressCallback& progress,
+                                          const std::stop_token& stop) {
+  ProgressReporter reporter(progress, StagePlan(options));
+  // Of a shape that was split, to meet one of more parts than are matched one
+  // by one.
+  std::array<PreparedMesh, 2> anew;
+  std::array<std::optional<MeshToPrepare>, 2> missing;
+  if (x.contents().parts) missing[kX] = {x.contents().parts->clean, "mesh_x"};
+  if (y.contents().parts) missing[kY] = {y.contents().parts->clean, "mesh_y"};
+  ISOMATCH_RETURN_IF_ERROR(
+      PrepareMeshes(std::move(missing), options, &reporter, stop, &anew));
+  const auto prepared = [&](const PreparedShape& shape, Side side) {
+    return shape.contents().whole ? &*shape.contents().whole : &anew[side];
+  };
+  const PreparedMesh* const whole_x = prepared(x, kX);
+  const PreparedMesh* const whole_y = prepared(y, kY);
+  PreparedMesh* own_x = x.contents().whole ? nullptr : &anew[kX];
+  if (own_x == nullptr && x.own_contents() != nullptr) {
+    own_x = &*x.own_contents()->whole;
+  }
+  ISOMATCH_RETURN_IF_ERROR(
+      CheckDecimated(SizesOf(*whole_x), SizesOf(*whole_y), options));
+  return RunMatch(*whole_x, own_x, *whole_y, landmarks, options, &reporter,
+                  stop);
+}
+
+/// The last word on a whole map, whatever parts it was found in.
+void Judge(Correspondence* found) {
+  double sum = 0;
+  std::int64_t matched = 0;
+  for (std::size_t x = 0; x < found->confidence.size(); ++x) {
+    if (found->y_from_x[x] == kNoVertex) continue;
+    sum += found->confidence[x];
+    ++matched;
+  }
+  found->quality.mean_confidence =
+      matched == 0 ? 0 : sum / static_cast<double>(matched);
+  found->verdict = VerdictOf(*found);
+}
+
+absl::StatusOr<PreparedShape> PrepareHere(SharedMesh mesh,
+                                          const MatchOptions& options,
+                                          const ProgressCallback& progress,
+                                          std::stop_token stop) {
+  const ShapeToPrepare shape = NewShape(std::move(mesh), options, "mesh");
+  ISOMATCH_RETURN_IF_ERROR(
+      PrepareShapes({shape, std::nullopt}, options, progress, stop));
+  return PreparedShape(shape.contents);
+}
+
+absl::StatusOr<PreparedPair> PrepareBothHere(ShapeSource x, ShapeSource y,
+                                             const MatchOptions& options,
+                                             const ProgressCallback& progress,
+                                             std::stop_token stop) {
+  std::array<ShapeSource*, 2> sources = {&x, &y};
+  ShapesToPrepare missing;
+  for (const Side side : {kX, kY}) {
+    auto* mesh = std::get_if<SharedMesh>(sources[side]);
+    if (mesh == nullptr) continue;
+    missing[side] =
+        NewShape(std::move(*mesh), options, side == kX ? "mesh_x" : "mesh_y");
+    *sources[side] = PreparedShape(missing[side]->contents);
+  }
+  if (missing[kX] || missing[kY]) {
+    ISOMATCH_RETURN_IF_ERROR(PrepareShapes(missing, options, progress, stop));
+  }
+  return PreparedPair{std::get<PreparedShape>(std::move(x)),
+                      std::get<PreparedShape>(std::move(y))};
+}
+
+absl::StatusOr<Correspondence> MatchPreparedHere(
+    PreparedShape x, PreparedShape y, absl::Span<const Landmark> landmarks,
+    const MatchOptions& options, const ProgressCallback& progress,
+    std::stop_token stop) {
+  const auto most = static_cast<std::size_t>(
+      std::max(x.contents().large_components, y.contents().large_components));
+  absl::StatusOr<Correspondence> result = absl::InternalError("not run");
+  RunWithThreads(options.threads, [&] {
+    result = options.match_components && MatchedByParts(most)
+                 ? MatchInParts(x, y, landmarks, options, progress, stop)
+                 : MatchWhole(x, y, landmarks, options, progress, stop);
+  });
+  if (result.ok()) Judge(&*result);
+  return result;
+}
+
+}  // namespace
+}  // namespace isomatch
+
+const isomatch::MatchEngine* ISOMATCH_MATCH_ENGINE() {
+  static const auto& engine =
+      *new isomatch::MatchEngine{.prepare = isomatch::PrepareHere,
+                                 .prepare_both = isomatch::PrepareBothHere,
+                                 .match = isomatch::MatchPreparedHere,
+                                 .parse = isomatch::ParsePreparedShapeHere,
+                                 .estimate = isomatch::EstimateMemoryBytes};
+  return &engine;
+}
