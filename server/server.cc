@@ -15,6 +15,7 @@
 #include "absl/time/clock.h"
 #include "core/base/status_macros.h"
 #include "core/base/version.h"
+#include "server/convert/result_info.h"
 #include "server/convert/stored_request.h"
 #include "server/job_log.h"
 #include "server/jobs/job_metrics.h"
@@ -202,7 +203,7 @@ Server::Impl::Impl(const ServerConfig& config, MatchEngine engine,
       download_bytes_(DownloadBytes(config)),
       downloads_(&download_bytes_, TenantLimitsOf(config).download_bytes),
       upload_calls_(&all_upload_calls_, TenantLimitsOf(config).uploads),
-      runner_(std::move(engine), absl::Now, prepared_),
+      runner_(std::move(engine), DescribeResult, absl::Now, prepared_),
       retention_clock_(MakeClockParts(config), stores_.last_seen),
       workers_(std::make_unique<ThreadPool>(config.workers)),
       timers_(std::make_unique<ThreadPool>(1)),

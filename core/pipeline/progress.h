@@ -4,22 +4,30 @@
 
 namespace isomatch {
 
-/// The steps of Match in order; not every profile runs all of them.
+/// The steps of Match in order; not every profile runs all of them. The numbers
+/// are those of the API and of records on disk: they never change, and a stage
+/// that is added gets the next one.
 enum class Stage {
-  kPrepare,          ///< validation, cleaning, orientation
-  kGeodesics,        ///< basis points and their distance fields (3.1)
-  kSpectral,         ///< Laplace-Beltrami eigenpairs
-  kSeeds,            ///< seed generator (3.5)
-  kFirstInsertion,   ///< insertion and annealing (3.3.1, 3.4)
-  kSecondInsertion,  ///< insertion to 70 % (3.3.2)
-  kFinalSwapping,    ///< zero-temperature swaps of the worst matches (3.4)
-  kDense,            ///< nearest neighbors in closeness space
-  kZoomOut,          ///< spectral refinement
-  kChoice,           ///< distinct maps laid out coarsely, one chosen
-  kAlignment,        ///< elastic alignment of the chosen one
-  kQuality,          ///< the map of all vertices, figures about it
+  kPrepare = 1,          ///< validation, cleaning, orientation
+  kGeodesics = 2,        ///< basis points and their distance fields (3.1)
+  kSpectral = 3,         ///< Laplace-Beltrami eigenpairs
+  kSeeds = 4,            ///< seed generator (3.5)
+  kFirstInsertion = 5,   ///< insertion and annealing (3.3.1, 3.4)
+  kSecondInsertion = 6,  ///< insertion to 70 % (3.3.2)
+  kFinalSwapping = 7,    ///< zero-temperature swaps of the worst matches (3.4)
+  kDense = 8,            ///< nearest neighbors in closeness space
+  kZoomOut = 9,          ///< spectral refinement
+  kChoice = 11,          ///< distinct maps laid out coarsely, one chosen
+  kAlignment = 12,       ///< elastic alignment of the chosen one
+  kQuality = 10,         ///< the map of all vertices, figures about it
 };
-inline constexpr int kNumStages = 12;
+
+/// In order.
+inline constexpr Stage kStages[] = {
+    Stage::kPrepare,       Stage::kGeodesics,      Stage::kSpectral,
+    Stage::kSeeds,         Stage::kFirstInsertion, Stage::kSecondInsertion,
+    Stage::kFinalSwapping, Stage::kDense,          Stage::kZoomOut,
+    Stage::kChoice,        Stage::kAlignment,      Stage::kQuality};
 
 /// Lower-case words, e.g. "first insertion".
 const char* StageName(Stage stage);

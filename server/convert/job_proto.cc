@@ -4,19 +4,21 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "core/pipeline/correspondence.h"
-#include "core/pipeline/match_options.h"
 #include "core/pipeline/progress.h"
-#include "core/pipeline/verdict.h"
 #include "server/convert/job_name.h"
+#include "server/convert/result_info.h"
 #include "server/jobs/errors.h"
 
 namespace isomatch {
 namespace {
 
 // These enums of core, of the records and of the proto count alike.
-static_assert(static_cast<int>(Profile::kDefault) + 1 == v1::PROFILE_DEFAULT);
-static_assert(static_cast<int>(Profile::kPaper) + 1 == v1::PROFILE_PAPER);
+static_assert(kNoStage == v1::STAGE_UNSPECIFIED);
+static_assert(static_cast<int>(Stage::kPrepare) == v1::STAGE_PREPARE);
+static_assert(static_cast<int>(Stage::kZoomOut) == v1::STAGE_ZOOMOUT);
+static_assert(static_cast<int>(Stage::kChoice) == v1::STAGE_CHOICE);
+static_assert(static_cast<int>(Stage::kAlignment) == v1::STAGE_ALIGNMENT);
+static_assert(static_cast<int>(Stage::kQuality) == v1::STAGE_QUALITY);
 static_assert(static_cast<int>(JobState::kQueued) == v1::Job::STATE_QUEUED);
 static_assert(static_cast<int>(JobState::kCancelled) ==
               v1::Job::STATE_CANCELLED);
@@ -29,39 +31,6 @@ static_assert(static_cast<int>(WaitReason::kInputs) ==
 static_assert(static_cast<int>(ResultPart::kMap) == v1::RESULT_PART_MAP);
 static_assert(static_cast<int>(ResultPart::kFunctionalMap) ==
               v1::RESULT_PART_FUNCTIONAL_MAP);
-
-// The stages do not: core numbers them in the order they run, which changes;
-// the numbers of the proto never do.
-v1::Stage StageToProto(std::int32_t stage) {
-  if (stage == kNoStage) return v1::STAGE_UNSPECIFIED;
-  switch (static_cast<Stage>(stage)) {
-    case Stage::kPrepare:
-      return v1::STAGE_PREPARE;
-    case Stage::kGeodesics:
-      return v1::STAGE_GEODESICS;
-    case Stage::kSpectral:
-      return v1::STAGE_SPECTRAL;
-    case Stage::kSeeds:
-      return v1::STAGE_SEEDS;
-    case Stage::kFirstInsertion:
-      return v1::STAGE_FIRST_INSERTION;
-    case Stage::kSecondInsertion:
-      return v1::STAGE_SECOND_INSERTION;
-    case Stage::kFinalSwapping:
-      return v1::STAGE_FINAL_SWAPPING;
-    case Stage::kDense:
-      return v1::STAGE_DENSE;
-    case Stage::kZoomOut:
-      return v1::STAGE_ZOOMOUT;
-    case Stage::kChoice:
-      return v1::STAGE_CHOICE;
-    case Stage::kAlignment:
-      return v1::STAGE_ALIGNMENT;
-    case Stage::kQuality:
-      return v1::STAGE_QUALITY;
-  }
-  return v1::STAGE_UNSPECIFIED;  // not reached
-}
 
 void SetTime(absl::Time time, google::protobuf::Timestamp* timestamp) {
   const std::int64_t seconds = absl::ToUnixSeconds(time);
@@ -89,7 +58,7 @@ void SetRun(const JobRecord& record, v1::Job::Run& run) {
 }
 
 void SetProgress(const JobProgress& progress, v1::Progress& proto) {
-  proto.set_stage(StageToProto(progress.stage));
+  proto.set_stage(static_cast<v1::Stage>(progress.stage));
   proto.set_stage_fraction(progress.stage_fraction);
   proto.set_total_fraction(progress.total_fraction);
 }
@@ -100,48 +69,6 @@ void SetError(const JobError& error, v1::JobError& proto) {
   proto.set_message(error.message);
 }
 
-void SetSummary(const MeshSummary& summary, v1::MeshSummary& proto) {
-  proto.set_vertices(static_cast<std::uint32_t>(summary.vertices));
-  proto.set_faces(static_cast<std::uint32_t>(summary.faces));
-  proto.set_area(summary.area);
-  proto.mutable_warnings()->Add(summary.warnings.begin(),
-                                summary.warnings.end());
-}
-
-void SetScores(const StoredScores& scores, v1::MapScores& proto) {
-  proto.set_embedding_error(scores.embedding_error);
-  proto.set_orientation_score(scores.orientation_score);
-  proto.set_curvature_mismatch(scores.curvature_mismatch);
-  proto.set_normal_mismatch(scores.normal_mismatch);
-  proto.set_descriptor_mismatch(scores.descriptor_mismatch);
-  proto.set_stretch(scores.stretch);
-  proto.set_landmark_contradiction(scores.landmark_contradiction);
-  proto.set_rank_value(scores.rank_value);
-}
-
-void SetQuality(const StoredQuality& quality, v1::MapQuality& proto) {
-  proto.set_geodesic_distortion(quality.geodesic_distortion);
-  proto.set_coverage(quality.coverage);
-  proto.set_area_distortion(quality.area_distortion);
-  proto.set_mean_confidence(quality.mean_confidence);
-}
-
-void SetVerdict(const StoredVerdict& verdict, v1::Verdict& proto) {
-  proto.set_level(static_cast<v1::Verdict::Level>(verdict.level));
-  proto.set_reason(verdict.reason);
-  proto.set_advice(verdict.advice);
-}
-
-void SetLandmark(const StoredLandmark& stored, v1::LandmarkOutcome& proto) {
-  proto.mutable_landmark()->set_x(
-      static_cast<std::uint32_t>(stored.landmark.x));
-  proto.mutable_landmark()->set_y(
-      static_cast<std::uint32_t>(stored.landmark.y));
-  proto.set_kept(stored.kept);
-  proto.set_y_found(static_cast<std::uint32_t>(stored.y_found));
-  proto.set_distance(stored.distance);
-}
-
 void SetPart(const StoredPart& part, v1::ResultPartInfo& proto) {
   proto.set_part(static_cast<v1::ResultPart>(part.part));
   proto.mutable_digest()->set_sha256(part.sha256);
@@ -149,44 +76,21 @@ void SetPart(const StoredPart& part, v1::ResultPartInfo& proto) {
       static_cast<std::uint64_t>(part.bytes));
 }
 
-/// What is said about the map, beside what is said about the run.
-void SetAssessment(const JobResult& result, v1::ResultInfo& proto) {
-  proto.set_embedding_error(result.scores.embedding_error);
-  proto.set_objective(result.objective);
-  proto.set_orientation_score(result.scores.orientation_score);
-  SetScores(result.scores, *proto.mutable_scores());
-  SetQuality(result.quality, *proto.mutable_quality());
-  SetVerdict(result.verdict, *proto.mutable_verdict());
-  proto.set_symmetry_confidence(result.symmetry_confidence);
-  for (const StoredScores& scores : result.alternatives) {
-    SetScores(scores, *proto.add_alternatives()->mutable_scores());
-  }
-  for (const StoredLandmark& landmark : result.landmarks) {
-    SetLandmark(landmark, *proto.add_landmarks());
-  }
-}
-
 void SetResult(const JobResult& result, v1::ResultInfo& proto) {
-  SetSummary(result.mesh_x, *proto.mutable_mesh_x());
-  SetSummary(result.mesh_y, *proto.mutable_mesh_y());
+  proto = ResultInfoOf(result);
   for (const StoredPart& part : result.parts) {
     SetPart(part, *proto.add_parts());
     if (part.part != ResultPart::kMap) continue;
     *proto.mutable_digest() = proto.parts().rbegin()->digest();
   }
-  proto.set_unmatched(static_cast<std::uint32_t>(result.unmatched));
-  SetAssessment(result, proto);
   for (const StageSeconds& time : result.stage_times) {
     v1::StageTime& added = *proto.add_stage_times();
-    added.set_stage(StageToProto(time.stage));
+    added.set_stage(static_cast<v1::Stage>(time.stage));
     added.set_seconds(time.seconds);
   }
   proto.set_run_seconds(result.run_seconds);
   proto.set_peak_resident_bytes(
       static_cast<std::uint64_t>(result.peak_resident_bytes));
-  proto.mutable_warnings()->Add(result.warnings.begin(), result.warnings.end());
-  proto.set_profile(static_cast<v1::Profile>(result.profile + 1));
-  proto.set_random_seed(result.random_seed);
 }
 
 }  // namespace

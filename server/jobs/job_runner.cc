@@ -77,74 +77,6 @@ class RunMeter {
   std::int64_t peak_resident_bytes_ = 0;
 };
 
-StoredScores ToStored(const MapScores& scores) {
-  return {.embedding_error = scores.embedding_error,
-          .orientation_score = scores.orientation_score,
-          .curvature_mismatch = scores.curvature_mismatch,
-          .normal_mismatch = scores.normal_mismatch,
-          .descriptor_mismatch = scores.descriptor_mismatch,
-          .stretch = scores.stretch,
-          .landmark_contradiction = scores.landmark_contradiction,
-          .rank_value = scores.rank_value};
-}
-
-StoredQuality QualityOf(const Correspondence& found) {
-  return {.geodesic_distortion = found.quality.geodesic_distortion,
-          .coverage = found.quality.coverage,
-          .area_distortion = found.quality.area_distortion,
-          .mean_confidence = found.quality.mean_confidence};
-}
-
-StoredVerdict ToStored(Verdict verdict) {
-  return {.level = static_cast<std::int32_t>(verdict.level),
-          .reason = std::move(verdict.reason),
-          .advice = std::move(verdict.advice)};
-}
-
-std::vector<StoredScores> AlternativesOf(const Correspondence& found) {
-  std::vector<StoredScores> scores;
-  for (const Alternative& alternative : found.alternatives) {
-    scores.push_back(ToStored(alternative.scores));
-  }
-  return scores;
-}
-
-std::vector<StoredLandmark> LandmarksOf(const JobSpec& spec,
-                                        const Correspondence& found) {
-  std::vector<StoredLandmark> stored;
-  for (size_t i = 0; i < found.landmarks.size(); ++i) {
-    const LandmarkOutcome& outcome = found.landmarks[i];
-    stored.push_back(
-        {spec.landmarks[i], outcome.kept, outcome.y_found, outcome.distance});
-  }
-  return stored;
-}
-
-/// `size_x`, `size_y`: of the spec's meshes, which have been used up.
-JobResult Summarize(const JobSpec& spec, MeshSize size_x, MeshSize size_y,
-                    Correspondence found) {
-  JobResult result;
-  result.mesh_x = {size_x.vertices, size_x.faces, found.area_x,
-                   std::move(found.warnings_x)};
-  result.mesh_y = {size_y.vertices, size_y.faces, found.area_y,
-                   std::move(found.warnings_y)};
-  result.unmatched =
-      std::count(found.y_from_x.begin(), found.y_from_x.end(), kNoVertex);
-  result.scores = ToStored(found.scores);
-  result.quality = QualityOf(found);
-  result.verdict = ToStored(std::move(found.verdict));
-  result.symmetry_confidence = found.symmetry_confidence;
-  result.alternatives = AlternativesOf(found);
-  result.landmarks = LandmarksOf(spec, found);
-  result.objective = found.objective;
-  result.warnings = spec.warnings;
-  result.warnings.insert(result.warnings.end(), found.warnings.begin(),
-                         found.warnings.end());
-  result.profile = static_cast<std::int32_t>(spec.options.profile);
-  result.random_seed = spec.options.random_seed;
-  return result;
-}
-
 /// Why a match failed, as calls say it.
 absl::Status WithReason(const absl::Status& status) {
   if (absl::IsResourceExhausted(status)) return OutOfMemory(status.message());
@@ -217,7 +149,7 @@ absl::StatusOr<RunOutcome> JobRunner::Run(const LoadSpec& load,
     if (!found.ok()) return WithReason(found.status());
     RunOutcome outcome;
     outcome.parts = EncodeParts(*found);
-    outcome.result = Summarize(spec, size_x, size_y, *std::move(found));
+    outcome.result.info = describe_(spec, size_x, size_y, *found);
     meter.Finish(outcome.result);
     return outcome;
   } catch (const std::bad_alloc&) {

@@ -8,6 +8,8 @@
 
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
+#include "core/mesh/mesh_size.h"
+#include "core/pipeline/correspondence.h"
 #include "core/pipeline/match_engine.h"
 #include "server/jobs/job_spec.h"
 #include "server/jobs/prepared_cache.h"
@@ -31,12 +33,22 @@ class JobRunner {
   using OnProgress = std::function<void(const JobProgress&)>;
   using LoadSpec = std::function<absl::StatusOr<JobSpec>()>;
 
+  /// Returns what is told about meshes and map, JobResult::info. The sizes are
+  /// those of the spec's meshes, which have been used up.
+  using DescribeResult =
+      std::function<std::string(const JobSpec& spec, MeshSize size_x,
+                                MeshSize size_y, const Correspondence& found)>;
+
   /// The shortest time between two calls of OnProgress within a stage.
   static constexpr absl::Duration kProgressInterval = absl::Milliseconds(100);
 
   /// `cache` outlives the runner.
-  JobRunner(MatchEngine engine, Clock now, PreparedCache& cache)
-      : engine_(std::move(engine)), now_(std::move(now)), cache_(cache) {}
+  JobRunner(MatchEngine engine, DescribeResult describe, Clock now,
+            PreparedCache& cache)
+      : engine_(std::move(engine)),
+        describe_(std::move(describe)),
+        now_(std::move(now)),
+        cache_(cache) {}
 
   /// Returns an upper bound on the bytes the job needs, its meshes included.
   std::int64_t EstimateBytes(const JobSpec& spec) const;
@@ -66,6 +78,7 @@ class JobRunner {
   void LimitToEstimate(JobSpec& spec) const;
 
   const MatchEngine engine_;
+  const DescribeResult describe_;
   const Clock now_;
   PreparedCache& cache_;
 };

@@ -11,6 +11,7 @@
 #include "core/base/status_macros.h"
 #include "server/convert/job_name.h"
 #include "server/convert/job_proto.h"
+#include "server/convert/result_info.h"
 #include "server/jobs/errors.h"
 #include "server/jobs/within_memory.h"
 #include "server/rpc/grpc_status.h"
@@ -70,10 +71,9 @@ v1::DownloadResultResponse MakeHeader(const JobPart& found) {
   header.mutable_digest()->set_sha256(found.part.sha256);
   header.mutable_digest()->set_size_bytes(
       static_cast<std::uint64_t>(found.part.bytes));
-  header.set_vertices_x(
-      static_cast<std::uint32_t>(found.result.mesh_x.vertices));
-  header.set_vertices_y(
-      static_cast<std::uint32_t>(found.result.mesh_y.vertices));
+  const v1::ResultInfo info = ResultInfoOf(found.result);
+  header.set_vertices_x(info.mesh_x().vertices());
+  header.set_vertices_y(info.mesh_y().vertices());
   return response;
 }
 

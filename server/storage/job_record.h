@@ -8,7 +8,6 @@
 
 #include "absl/status/status.h"
 #include "absl/time/time.h"
-#include "core/base/vertex_index.h"
 
 namespace isomatch {
 
@@ -32,9 +31,10 @@ inline const char* JobStateName(JobState state) {
 }
 
 /// Before the first progress report.
-inline constexpr std::int32_t kNoStage = -1;
+inline constexpr std::int32_t kNoStage = 0;
 
-/// The last progress report. `stage` is the number of core/pipeline's Stage.
+/// The last progress report. `stage` is the number of core/pipeline's Stage,
+/// which never changes.
 struct JobProgress {
   std::int32_t stage = kNoStage;
   double stage_fraction = 0;
@@ -53,14 +53,6 @@ struct JobError {
 struct StageSeconds {
   std::int32_t stage = kNoStage;
   double seconds = 0;
-};
-
-/// A mesh as the user is told about it.
-struct MeshSummary {
-  std::int64_t vertices = 0;
-  std::int64_t faces = 0;
-  double area = 0;  ///< squared mesh units
-  std::vector<std::string> warnings;
 };
 
 /// The parts that a result can have; server/jobs/result_parts.h tells what
@@ -88,63 +80,18 @@ struct StoredPart {
   std::int64_t bytes = 0;
 };
 
-// Copies of core/pipeline's MapScores, MapQuality, Verdict and LandmarkOutcome,
-// which this layer does not know; the fields mean the same.
-
-struct StoredScores {
-  double embedding_error = 0;
-  double orientation_score = 0;
-  double curvature_mismatch = 0;
-  double normal_mismatch = 0;
-  double descriptor_mismatch = 0;
-  double stretch = 0;
-  double landmark_contradiction = 0;
-  double rank_value = 0;
-};
-
-struct StoredQuality {
-  double geodesic_distortion = 0;
-  double coverage = 0;
-  double area_distortion = 0;
-  /// Over the vertices that have an image; 0 when not known.
-  double mean_confidence = 0;
-};
-
-struct StoredVerdict {
-  /// The number of core/pipeline's VerdictLevel; 0 where nobody judged.
-  std::int32_t level = 0;
-  std::string reason;
-  std::string advice;
-};
-
-struct StoredLandmark {
-  VertexMatch landmark = {};
-  bool kept = true;
-  VertexIndex y_found = kNoVertex;
-  double distance = 0;
-};
-
 /// All about a result but its parts' bytes.
 struct JobResult {
-  MeshSummary mesh_x;
-  MeshSummary mesh_y;
   /// By increasing number, the map first.
   std::vector<StoredPart> parts;
-  std::int64_t unmatched = 0;
-  StoredScores scores;
-  StoredQuality quality;
-  StoredVerdict verdict;
-  double symmetry_confidence = 1;
-  /// Scores of the maps that were not chosen, best first.
-  std::vector<StoredScores> alternatives;
-  std::vector<StoredLandmark> landmarks;
-  double objective = 0;  ///< Eq. 4, mean over pairs
   std::vector<StageSeconds> stage_times;
   double run_seconds = 0;
   std::int64_t peak_resident_bytes = 0;
-  std::vector<std::string> warnings;
-  std::int32_t profile = 0;  ///< the number of core/pipeline's Profile
-  std::uint64_t random_seed = 0;
+  /// What is told about meshes and map, as bytes that this layer does not look
+  /// into: see server/convert/result_info.h.
+  std::string info;
+  /// Set instead in records that were written before there was `info`: CBOR.
+  std::string old_info;
 };
 
 /// Returns the part, or null when the result has none of that kind.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <iterator>
 #include <limits>
 #include <optional>
 
@@ -58,30 +59,77 @@ struct adl_serializer<absl::Duration> {
 
 namespace isomatch {
 
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE_WITH_DEFAULT(JobProgress, stage,
-                                                stage_fraction, total_fraction)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE_WITH_DEFAULT(JobError, code, reason, message)
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE_WITH_DEFAULT(StageSeconds, stage, seconds)
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE_WITH_DEFAULT(MeshSummary, vertices, faces,
-                                                area, warnings)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE_WITH_DEFAULT(StoredPart, part, sha256, bytes)
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE_WITH_DEFAULT(
-    StoredScores, embedding_error, orientation_score, curvature_mismatch,
-    normal_mismatch, descriptor_mismatch, stretch, landmark_contradiction,
-    rank_value)
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE_WITH_DEFAULT(StoredQuality,
-                                                geodesic_distortion, coverage,
-                                                area_distortion,
-                                                mean_confidence)
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE_WITH_DEFAULT(StoredVerdict, level, reason,
-                                                advice)
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE_WITH_DEFAULT(VertexMatch, x, y)
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE_WITH_DEFAULT(StoredLandmark, landmark, kept,
-                                                y_found, distance)
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE_WITH_DEFAULT(
-    JobResult, mesh_x, mesh_y, parts, unmatched, scores, quality, verdict,
-    symmetry_confidence, alternatives, landmarks, objective, stage_times,
-    run_seconds, peak_resident_bytes, warnings, profile, random_seed)
+
+namespace {
+
+/// The stage that `json` names: by its number or, in records of before there
+/// were numbers, by its place among the stages that there were then.
+std::int32_t StageOf(const nlohmann::json& json) {
+  constexpr std::int32_t kNumbers[] = {1, 2, 3, 4, 5, 6, 7, 8, 9, 11, 12, 10};
+  const std::int32_t number = json.value("stage_number", -1);
+  if (number >= 0) return number;
+  const std::int32_t place = json.value("stage", -1);
+  const bool is_known =
+      place >= 0 && place < static_cast<std::int32_t>(std::size(kNumbers));
+  return is_known ? kNumbers[place] : kNoStage;
+}
+
+}  // namespace
+
+void to_json(nlohmann::json& json, const JobProgress& progress) {
+  json = {{"stage_number", progress.stage},
+          {"stage_fraction", progress.stage_fraction},
+          {"total_fraction", progress.total_fraction}};
+}
+
+void from_json(const nlohmann::json& json, JobProgress& progress) {
+  progress = {StageOf(json), json.value("stage_fraction", 0.0),
+              json.value("total_fraction", 0.0)};
+}
+
+void to_json(nlohmann::json& json, const StageSeconds& time) {
+  json = {{"stage_number", time.stage}, {"seconds", time.seconds}};
+}
+
+void from_json(const nlohmann::json& json, StageSeconds& time) {
+  time = {StageOf(json), json.value("seconds", 0.0)};
+}
+
+void to_json(nlohmann::json& json, const JobResult& result) {
+  json = {{"parts", result.parts},
+          {"stage_times", result.stage_times},
+          {"run_seconds", result.run_seconds},
+          {"peak_resident_bytes", result.peak_resident_bytes}};
+  if (result.old_info.empty()) {
+    const auto* begin =
+        reinterpret_cast<const std::uint8_t*>(result.info.data());
+    json["info"] = nlohmann::json::binary({begin, begin + result.info.size()});
+  } else {
+    json.update(nlohmann::json::from_cbor(result.old_info));
+  }
+}
+
+void from_json(const nlohmann::json& json, JobResult& result) {
+  result.parts = json.value("parts", result.parts);
+  result.stage_times = json.value("stage_times", result.stage_times);
+  result.run_seconds = json.value("run_seconds", 0.0);
+  result.peak_resident_bytes =
+      json.value("peak_resident_bytes", std::int64_t{0});
+  if (json.contains("info")) {
+    const auto& info = json["info"].get_binary();
+    result.info.assign(info.begin(), info.end());
+    return;
+  }
+  nlohmann::json old = json;
+  for (const char* kept :
+       {"parts", "stage_times", "run_seconds", "peak_resident_bytes"}) {
+    old.erase(kept);
+  }
+  nlohmann::json::to_cbor(old, result.old_info);
+}
+
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE_WITH_DEFAULT(
     JobRecord, id, tenant, state, progress, memory_estimate_bytes, error,
     result, create_time, start_time, end_time, labels, request_id, call_id,

@@ -44,6 +44,8 @@ constexpr const char* kMigrations[SqliteJournal::kSchemaVersion] = {
     // Records that ever came, so that what was removed hides none that is lost.
     R"(ALTER TABLE journal ADD COLUMN jobs INTEGER NOT NULL DEFAULT 0;
        UPDATE journal SET jobs = (SELECT count(*) FROM jobs);)",
+    // New records have JobResult::info, which programs before do not know.
+    "",
 };
 
 constexpr char kWrite[] =

@@ -19,9 +19,9 @@ namespace isomatch {
 /// Not thread-safe.
 class SqliteJournal : public JobJournal {
  public:
-  /// The version of the tables that this program writes. Older ones are brought
-  /// up to it; newer ones are refused.
-  static constexpr int kSchemaVersion = 3;
+  /// The version of tables and records that this program writes. Older ones are
+  /// brought up to it; newer ones are refused.
+  static constexpr int kSchemaVersion = 4;
 
   /// Of PATH.reserve.
   static constexpr std::int64_t kReserveBytes = 1 << 20;

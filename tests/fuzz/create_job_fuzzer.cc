@@ -11,6 +11,7 @@
 #include "core/base/sha256.h"
 #include "core/io/draco_mesh.h"
 #include "server/convert/parse_create_job.h"
+#include "server/convert/result_info.h"
 #include "server/convert/stored_request.h"
 #include "server/jobs/errors.h"
 #include "server/storage/memory_blob_store.h"
@@ -25,8 +26,7 @@ constexpr char kTenant[] = "default";
 class FuzzedService {
  public:
   FuzzedService()
-      : runner_(
-            CoreMatchEngine(), [] { return absl::Now(); }, no_cache_) {
+      : runner_(CoreMatchEngine(), DescribeResult, absl::Now, no_cache_) {
     TriangleMesh tetrahedron;
     tetrahedron.positions.resize(4, 3);
     tetrahedron.positions << 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1;

@@ -8,6 +8,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <limits>
 #include <string>
 #include <vector>
@@ -343,6 +344,12 @@ TEST(MatcherTest, RefusesFacesBetweenAnyVertices) {
   EXPECT_THAT(Prepare(any, {}), refused("mesh"));
 }
 
+std::size_t PlaceOf(Stage stage) {
+  return static_cast<std::size_t>(
+      std::find(std::begin(kStages), std::end(kStages), stage) -
+      std::begin(kStages));
+}
+
 TEST(MatcherTest, ProgressRisesThroughTheStagesToOne) {
   for (const Profile profile : kProfiles) {
     std::vector<Progress> seen;
@@ -355,7 +362,7 @@ TEST(MatcherTest, ProgressRisesThroughTheStagesToOne) {
     for (std::size_t i = 1; i < seen.size(); ++i) {
       EXPECT_GE(seen[i].total_fraction, seen[i - 1].total_fraction);
       if (seen[i].stage == seen[i - 1].stage) continue;
-      EXPECT_GT(seen[i].stage, seen[i - 1].stage);
+      EXPECT_GT(PlaceOf(seen[i].stage), PlaceOf(seen[i - 1].stage));
       EXPECT_EQ(seen[i - 1].stage_fraction, 1);
       EXPECT_EQ(seen[i].stage_fraction, 0);
     }
@@ -384,25 +391,25 @@ TEST(MatcherTest, StageMapsAreKeptOnRequest) {
 
 TEST(MatcherTest, StopsPromptlyInEveryStage) {
   for (const Profile profile : kProfiles) {
-    for (int stage = 0; stage < kNumStages - 1; ++stage) {
+    for (std::size_t stage = 0; stage + 1 < std::size(kStages); ++stage) {
       std::stop_source stop;
       bool reached = false;
       int later_stages = 0;
       const auto result = Match(
           FiveArms(3), FiveArms(3), {}, QuickOptionsOf(profile),
           [&](const Progress& p) {
-            if (static_cast<int>(p.stage) == stage) {
+            if (PlaceOf(p.stage) == stage) {
               reached = true;
               stop.request_stop();
             }
-            later_stages += reached && static_cast<int>(p.stage) > stage + 1;
+            later_stages += reached && PlaceOf(p.stage) > stage + 1;
           },
           stop.get_token());
       if (!reached) continue;  // not a stage of this profile
       EXPECT_THAT(result.status(),
                   StatusIs(absl::StatusCode::kCancelled, testing::_))
-          << StageName(static_cast<Stage>(stage));
-      EXPECT_EQ(later_stages, 0) << StageName(static_cast<Stage>(stage));
+          << StageName(kStages[stage]);
+      EXPECT_EQ(later_stages, 0) << StageName(kStages[stage]);
     }
   }
 }

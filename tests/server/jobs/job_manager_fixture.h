@@ -182,7 +182,8 @@ class JobManagerTest : public testing::Test {
   BlobStoreWithHook blobs_{kBlobBytes};
   MemoryBudget budget_{kBudget};
   PreparedCache no_cache_{0, nullptr};
-  JobRunner runner_{FakeEngine(), absl::Now, no_cache_};
+  JobRunner runner_{FakeEngine(), [](auto&&...) { return std::string(); },
+                    absl::Now, no_cache_};
   ManualExecutor workers_;
   ManualExecutor timers_;
   std::unique_ptr<JobManager> manager_;

@@ -457,7 +457,8 @@ TEST_F(JobManagerTest, JobsCancelledAndTimedOutByManyThreadsAllEnd) {
     if (!status.ok()) return status;
     return Correspondence();
   };
-  const JobRunner runner(engine, absl::Now, no_cache_);
+  const JobRunner runner(
+      engine, [](auto&&...) { return std::string(); }, absl::Now, no_cache_);
   JobManager::Parts parts = MakeParts();
   parts.on_state = nullptr;
   parts.workers = &workers;
