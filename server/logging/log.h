@@ -1,11 +1,16 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <string>
 #include <variant>
 #include <vector>
 
 #include "absl/strings/string_view.h"
+
+namespace spdlog {
+class logger;
+}
 
 namespace isomatch {
 
@@ -29,7 +34,8 @@ bool ShouldLog(LogLevel level);
 
 /// Writes one line. `message` tells people all that matters; `fields` are in
 /// the line when it is JSON. Neither may hold keys or the content of meshes.
-/// Thread-safe.
+/// Whatever bytes they have, a line stays one line, and a JSON line stays
+/// valid. Thread-safe.
 void Log(LogLevel level, absl::string_view message,
          const LogFields& fields = {});
 
@@ -38,6 +44,9 @@ enum class LogFormat {
   kText,  ///< time, level, message, for a person
   kJson,  ///< one object a line: time (UTC), level, message, fields
 };
+
+/// From now on lines go to `logger`, from its level on. For the whole process.
+void InstallLogger(std::shared_ptr<spdlog::logger> logger, LogFormat format);
 
 /// From now on the log goes to standard error, from `level` on: a name that
 /// ServerConfig::log_level may have. For the whole process.

@@ -11,7 +11,7 @@
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/str_split.h"
-#include "server/logging/log_format.h"
+#include "server/logging/log.h"
 
 namespace isomatch {
 

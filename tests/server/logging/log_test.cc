@@ -43,9 +43,7 @@ TEST(LogTest, AnyBytesMakeOneValidLine) {
   {
     const CapturedLog log(LogFormat::kJson);
     Log(LogLevel::kInfo, bytes, {{"peer", bytes}});
-    spdlog::info(bytes);                           // from elsewhere
-    spdlog::info("x\x1f{\"level\":\"critical\"");  // no object
-    EXPECT_EQ(log.lines().size(), 3);
+    EXPECT_EQ(log.lines().size(), 1);
   }
   const CapturedLog log(LogFormat::kText);
   Log(LogLevel::kInfo, "a\nb", {});
