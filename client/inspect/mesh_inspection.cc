@@ -25,10 +25,6 @@
 namespace isomatch {
 namespace {
 
-// Height over length below which a face has no area, as in cleaning.
-constexpr double kFlatFace = 1e-9;
-// Volume, in units of area^1.5, below which its sign is rounding.
-constexpr double kFlatVolume = 1e-6;
 // Of the mean edge: a rounding of coordinates that is felt.
 constexpr double kCoarseRounding = 0.01;
 // Area over squared diagonal of the bounding box: a sphere has 1, a rod a
@@ -148,14 +144,7 @@ void InspectTurn(const CleanMesh& clean, const Faces& as_in_file,
 VertexIndex CountFlatFaces(const TriangleMesh& mesh) {
   VertexIndex count = 0;
   for (VertexIndex f = 0; f < mesh.num_faces(); ++f) {
-    double longest = 0;
-    for (int i = 0; i < 3; ++i) {
-      const Eigen::RowVector3d edge =
-          mesh.positions.row(mesh.faces(f, i)) -
-          mesh.positions.row(mesh.faces(f, (i + 1) % 3));
-      longest = std::max(longest, edge.norm());
-    }
-    count += 2 * FaceArea(mesh, f) <= kFlatFace * longest * longest;
+    count += ExtentOf(mesh, f).is_flat();
   }
   return count;
 }
@@ -348,11 +337,8 @@ absl::StatusOr<MatchCost> EstimateCost(
   cost.encoded_bytes = static_cast<std::int64_t>(encoded.bytes.size());
   MatchOptions options;
   options.threads = static_cast<int>(server.threads_per_job());
-  const MeshSize size = {mesh.num_vertices(), mesh.num_faces()};
-  const std::int64_t bytes_of_one =
-      mesh.positions.size() * std::int64_t{sizeof(double)} +
-      mesh.faces.size() * std::int64_t{sizeof(VertexIndex)};
-  cost.memory_bytes = 2 * bytes_of_one +
+  const MeshSize size = SizeOf(mesh);
+  cost.memory_bytes = static_cast<std::int64_t>(2 * MeshBytes(size)) +
                       EstimatePreparedExtraBytes(size, size, options) +
                       EstimateMemoryBytes(size, size, 0, options);
   cost.seconds = AboutSeconds(mesh.num_vertices());

@@ -58,12 +58,8 @@ VertexMap WeldSeams(const TriangleMesh& mesh) {
   return welded;
 }
 
-/// Height over length of a face below which it has no area, and below which it
-/// is a sliver.
-constexpr double kFlatFace = 1e-9;
+/// Height over length of a face below which it is a sliver.
 constexpr double kSliver = 0.01;
-/// Volume, in units of area^1.5, below which its sign is rounding.
-constexpr double kFlat = 1e-6;
 
 /// A face as a set of vertices, but its smallest, to find repetitions.
 struct FaceKey {
@@ -175,7 +171,7 @@ class PatchOrienter {
       area += FaceArea(mesh_, f);
     }
     // A flat sheet encloses nothing: it keeps the file's orientation.
-    const bool inside_out = volume < -kFlat * area * std::sqrt(area);
+    const bool inside_out = volume < -kFlatVolume * area * std::sqrt(area);
     for (const VertexIndex f : patch_) {
       if (flip_[f] == inside_out) continue;
       std::swap(mesh_.faces(f, 1), mesh_.faces(f, 2));
@@ -245,16 +241,9 @@ void WarnOfSlivers(CleanMesh* clean) {
   VertexIndex flat = 0;
   VertexIndex slivers = 0;
   for (VertexIndex f = 0; f < mesh.num_faces(); ++f) {
-    double longest = 0;
-    for (int corner = 0; corner < 3; ++corner) {
-      longest = std::max(longest,
-                         (mesh.positions.row(mesh.faces(f, corner)) -
-                          mesh.positions.row(mesh.faces(f, (corner + 1) % 3)))
-                             .norm());
-    }
-    const double height = longest > 0 ? 2 * FaceArea(mesh, f) / longest : 0;
-    flat += height <= kFlatFace * longest;
-    slivers += height > kFlatFace * longest && height < kSliver * longest;
+    const FaceExtent extent = ExtentOf(mesh, f);
+    flat += extent.is_flat();
+    slivers += !extent.is_flat() && extent.height < kSliver * extent.longest;
   }
   const auto warn = [&](VertexIndex count, const char* text) {
     if (count > 0) clean->warnings.push_back(absl::StrCat(count, text));

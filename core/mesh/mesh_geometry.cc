@@ -1,6 +1,7 @@
 #include "core/mesh/mesh_geometry.h"
 
 #include <Eigen/Geometry>
+#include <algorithm>
 
 namespace isomatch {
 namespace {
@@ -18,6 +19,20 @@ Eigen::RowVector3d DoubleAreaNormal(const TriangleMesh& mesh,
 
 double FaceArea(const TriangleMesh& mesh, VertexIndex face) {
   return 0.5 * DoubleAreaNormal(mesh, face).norm();
+}
+
+FaceExtent ExtentOf(const TriangleMesh& mesh, VertexIndex face) {
+  FaceExtent extent;
+  for (int corner = 0; corner < 3; ++corner) {
+    extent.longest = std::max(
+        extent.longest, (mesh.positions.row(mesh.faces(face, corner)) -
+                         mesh.positions.row(mesh.faces(face, (corner + 1) % 3)))
+                            .norm());
+  }
+  if (extent.longest > 0) {
+    extent.height = 2 * FaceArea(mesh, face) / extent.longest;
+  }
+  return extent;
 }
 
 double SurfaceArea(const TriangleMesh& mesh) {

@@ -16,6 +16,19 @@ double SurfaceArea(const TriangleMesh& mesh);
 /// normals weighted by area. Zero where the faces cancel out or there are none.
 Positions VertexNormals(const TriangleMesh& mesh);
 
+/// How long a face is at its longest edge, and how high over that; mesh units.
+struct FaceExtent {
+  double longest = 0;
+  double height = 0;
+
+  /// The area is rounding.
+  bool is_flat() const { return height <= 1e-9 * longest; }
+};
+FaceExtent ExtentOf(const TriangleMesh& mesh, VertexIndex face);
+
+/// Volume, in units of area^1.5, below which its sign is rounding.
+inline constexpr double kFlatVolume = 1e-6;
+
 /// Six times the oriented volume between face `face` and `origin`.
 double SignedVolume6(const TriangleMesh& mesh, VertexIndex face,
                      const Eigen::RowVector3d& origin);

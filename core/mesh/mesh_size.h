@@ -16,4 +16,11 @@ inline MeshSize SizeOf(const TriangleMesh& mesh) {
   return {mesh.num_vertices(), mesh.num_faces()};
 }
 
+/// Returns the bytes that a mesh of this size holds; a double, since products
+/// of hostile sizes must not wrap.
+inline double MeshBytes(MeshSize size) {
+  return 3.0 * sizeof(double) * static_cast<double>(size.vertices) +
+         3.0 * sizeof(VertexIndex) * static_cast<double>(size.faces);
+}
+
 }  // namespace isomatch

@@ -147,12 +147,6 @@ double Threads(const MatchOptions& options) {
              : std::max(1u, std::thread::hardware_concurrency());
 }
 
-double MeshBytes(MeshSize mesh) {
-  constexpr double kVertex = 3 * sizeof(double);
-  constexpr double kFace = 3 * sizeof(VertexIndex);
-  return kVertex * double(mesh.vertices) + kFace * double(mesh.faces);
-}
-
 }  // namespace
 
 std::int64_t EstimatePreparedExtraBytes(MeshSize x, MeshSize y,

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "absl/time/time.h"
+#include "core/mesh/mesh_size.h"
 #include "core/mesh/triangle_mesh.h"
 #include "core/pipeline/correspondence.h"
 #include "core/pipeline/match_options.h"
@@ -53,12 +54,8 @@ struct JobSpec {
 
 /// Returns the bytes that the two meshes hold.
 inline std::int64_t MeshBytes(const JobSpec& spec) {
-  const auto bytes = [](const TriangleMesh& mesh) -> std::int64_t {
-    constexpr std::int64_t kPosition = sizeof(double);
-    constexpr std::int64_t kIndex = sizeof(VertexIndex);
-    return mesh.positions.size() * kPosition + mesh.faces.size() * kIndex;
-  };
-  return bytes(spec.mesh_x) + bytes(spec.mesh_y);
+  return static_cast<std::int64_t>(MeshBytes(SizeOf(spec.mesh_x)) +
+                                   MeshBytes(SizeOf(spec.mesh_y)));
 }
 
 }  // namespace isomatch
