@@ -15,8 +15,6 @@
 namespace isomatch {
 namespace {
 
-/// Farthest points that tell places on Y apart.
-constexpr int kPlaces = 300;
 /// Rounds of alignment after which distinct maps are judged.
 constexpr int kJudgedRounds = 10;
 /// Rounds between two stiffnesses.
@@ -27,8 +25,6 @@ constexpr int kWaveletScales = 6;
 /// finds is averaged over neighborhoods.
 constexpr double kOffsetReach = 0.12;
 constexpr std::int64_t kOffsetEvery = 3;
-/// A descriptor's ball holds some rings of the coarser mesh.
-constexpr double kLeastEdgesInRadius = 3;
 /// Below these, factors of the rank value are rounding.
 constexpr double kPerfectRank = 1e-8;
 constexpr double kPerfectFit = 1e-4;
@@ -48,48 +44,7 @@ int BasisSize(const PreparedMesh& x, const PreparedMesh& y,
       {options.alignment_basis, x.spectral.size(), y.spectral.size()});
 }
 
-DescribedSurface SurfaceOf(const PreparedMesh& prepared) {
-  const WorkingMesh& solved = prepared.solved();
-  return {solved.mesh, solved.normals, prepared.laplacian.mass, solved.stars};
-}
-
 }  // namespace
-
-FirstStageOptions FirstStageOptionsOf(const MatchOptions& options,
-                                      std::size_t num_landmarks) {
-  FirstStageOptions first;
-  first.matches = std::max<int>(options.first_stage_matches, num_landmarks);
-  first.rounds = options.selection_rounds;
-  first.selection = options.selection;
-  first.orientation_from = options.orientation_from;
-  first.curvature_weight = options.curvature_weight;
-  first.swapping = options.swapping;
-  first.swap_interval = options.swap_interval;
-  first.swaps = {options.swap_proposals, options.swap_neighbors};
-  first.temperature = options.temperature;
-  first.relocation_neighbors = options.relocation_neighbors;
-  first.places = options.pool_size > 0 ? kPlaces : 0;
-  first.max_results = options.alignment_rounds > 0 ? options.candidates : 1;
-  first.random_seed = options.random_seed;
-  return first;
-}
-
-absl::Status Describe(const MatchOptions& options, const std::stop_token& stop,
-                      PreparedMesh* prepared) {
-  const WorkingMesh& solved = prepared->solved();
-  if (!solved.oriented || options.alignment_rounds == 0 ||
-      options.descriptor_radius == 0) {
-    return absl::OkStatus();
-  }
-  prepared->descriptor_radius =
-      std::max(options.descriptor_radius,
-               kLeastEdgesInRadius * MeanEdgeLength(solved.mesh));
-  ISOMATCH_ASSIGN_OR_RETURN(
-      prepared->descriptors,
-      DescribeShape(SurfaceOf(*prepared), kDescribedVertices,
-                    prepared->descriptor_radius, stop));
-  return absl::OkStatus();
-}
 
 CandidateChoice::CandidateChoice(const PreparedMesh& x, const PreparedMesh& y,
                                  const MatchOptions& options,

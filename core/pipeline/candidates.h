@@ -18,10 +18,6 @@
 
 namespace isomatch {
 
-/// Vertices of a side that are described: many more than a functional map of
-/// alignment_basis eigenfunctions has coefficients a row.
-inline constexpr std::int64_t kDescribedVertices = 6000;
-
 /// A whole map that may be the result, as it grows. On working vertices.
 struct Candidate {
   std::vector<VertexMatch> sparse;
@@ -30,15 +26,6 @@ struct Candidate {
   MapScores scores;
   double objective = 0;  ///< Eq. 4
 };
-
-/// Describes the solved vertices of a mesh for the choice, where the options
-/// and its orientation want that. CANCELLED after `stop`.
-absl::Status Describe(const MatchOptions& options, const std::stop_token& stop,
-                      PreparedMesh* prepared);
-
-/// What the options say of the first stage, with this many landmarks.
-FirstStageOptions FirstStageOptionsOf(const MatchOptions& options,
-                                      std::size_t num_landmarks);
 
 /// Refines dense maps by descriptors, wavelet filter and elastic alignment, and
 /// chooses among them.

@@ -23,6 +23,7 @@
 #include "core/pipeline/lifting.h"
 #include "core/pipeline/prepared_mesh.h"
 #include "core/pipeline/progress_reporter.h"
+#include "core/pipeline/stage_plan.h"
 #include "core/spectral/functional_map.h"
 #include "core/spectral/zoomout.h"
 

@@ -9,7 +9,6 @@
 #include "core/geodesic/field_sweeps.h"
 #include "core/matching/closeness.h"
 #include "core/mesh/surface_samples.h"
-#include "core/pipeline/candidates.h"
 #include "core/pipeline/prepared_mesh.h"
 #include "core/pipeline/stage_plan.h"
 #include "core/spectral/spectral_basis.h"

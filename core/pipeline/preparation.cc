@@ -7,7 +7,6 @@
 #include "core/base/parallel.h"
 #include "core/base/status_macros.h"
 #include "core/matching/matching.h"
-#include "core/pipeline/candidates.h"
 #include "core/pipeline/stage_plan.h"
 #include "core/spectral/factor_size.h"
 #include "core/spectral/mean_curvature.h"

@@ -19,6 +19,9 @@
 namespace isomatch {
 namespace {
 
+/// A descriptor's ball holds some rings of the mesh.
+constexpr double kLeastEdgesInRadius = 3;
+
 /// Components large enough to take part, and no more of them than basis points
 /// can serve: each needs some of its own.
 std::vector<bool> TakingPart(const TriangleMesh& mesh,
@@ -254,6 +257,28 @@ absl::Status PrepareSurface(CleanMesh mesh, const MatchOptions& options,
         "lost its consistent orientation when decimated: mirrored maps are not "
         "told apart");
   }
+  return absl::OkStatus();
+}
+
+DescribedSurface SurfaceOf(const PreparedMesh& prepared) {
+  const WorkingMesh& solved = prepared.solved();
+  return {solved.mesh, solved.normals, prepared.laplacian.mass, solved.stars};
+}
+
+absl::Status Describe(const MatchOptions& options, const std::stop_token& stop,
+                      PreparedMesh* prepared) {
+  const WorkingMesh& solved = prepared->solved();
+  if (!solved.oriented || options.alignment_rounds == 0 ||
+      options.descriptor_radius == 0) {
+    return absl::OkStatus();
+  }
+  prepared->descriptor_radius =
+      std::max(options.descriptor_radius,
+               kLeastEdgesInRadius * MeanEdgeLength(solved.mesh));
+  ISOMATCH_ASSIGN_OR_RETURN(
+      prepared->descriptors,
+      DescribeShape(SurfaceOf(*prepared), kDescribedVertices,
+                    prepared->descriptor_radius, stop));
   return absl::OkStatus();
 }
 

@@ -97,6 +97,18 @@ absl::Status PrepareSurface(CleanMesh mesh, const MatchOptions& options,
                             const std::stop_token& stop,
                             PreparedMesh* prepared);
 
+/// Vertices of a side that are described: many more than a functional map of
+/// alignment_basis eigenfunctions has coefficients a row.
+inline constexpr std::int64_t kDescribedVertices = 6000;
+
+/// The solved surface, as descriptors see it. Refers to `prepared`.
+DescribedSurface SurfaceOf(const PreparedMesh& prepared);
+
+/// Describes the solved vertices, where the options and the orientation want
+/// that. CANCELLED after `stop`.
+absl::Status Describe(const MatchOptions& options, const std::stop_token& stop,
+                      PreparedMesh* prepared);
+
 /// Mirrors a shape in space: intrinsically it stays the same. Its descriptors
 /// do not, and have to be made anew.
 void Reflect(PreparedMesh* prepared);

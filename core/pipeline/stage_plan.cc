@@ -1,5 +1,7 @@
 #include "core/pipeline/stage_plan.h"
 
+#include <algorithm>
+
 namespace isomatch {
 
 const char* StageName(Stage stage) {
@@ -35,6 +37,27 @@ const char* StageName(Stage stage) {
 int SpectralCount(const MatchOptions& options) {
   return options.alignment_rounds > 0 ? options.alignment_basis
                                       : options.zoomout_end;
+}
+
+FirstStageOptions FirstStageOptionsOf(const MatchOptions& options,
+                                      std::size_t num_landmarks) {
+  /// Farthest points that tell places on Y apart.
+  constexpr int kPlaces = 300;
+  FirstStageOptions first;
+  first.matches = std::max<int>(options.first_stage_matches, num_landmarks);
+  first.rounds = options.selection_rounds;
+  first.selection = options.selection;
+  first.orientation_from = options.orientation_from;
+  first.curvature_weight = options.curvature_weight;
+  first.swapping = options.swapping;
+  first.swap_interval = options.swap_interval;
+  first.swaps = {options.swap_proposals, options.swap_neighbors};
+  first.temperature = options.temperature;
+  first.relocation_neighbors = options.relocation_neighbors;
+  first.places = options.pool_size > 0 ? kPlaces : 0;
+  first.max_results = options.alignment_rounds > 0 ? options.candidates : 1;
+  first.random_seed = options.random_seed;
+  return first;
 }
 
 std::vector<std::pair<Stage, double>> StagePlan(const MatchOptions& options) {
