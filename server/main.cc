@@ -12,7 +12,7 @@
 #include "absl/time/clock.h"
 #include "core/base/version.h"
 #include "server/logging/log.h"
-#include "server/rpc/file_limit.h"
+#include "server/machine/file_limit.h"
 #include "server/rpc/grpc_logging.h"
 #include "server/rpc/health_probe.h"
 #include "server/server.h"

@@ -10,7 +10,7 @@
 #include "absl/time/time.h"
 #include "core/pipeline/match_engine.h"
 #include "server/convert/request_limits.h"
-#include "server/rpc/file_limit.h"
+#include "server/machine/file_limit.h"
 #include "server/server_config.h"
 
 namespace isomatch {

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <thread>
 
-#include "server/jobs/memory_limit.h"
+#include "server/machine/available_memory.h"
 #include "server/rpc/channel_arguments.h"
 
 namespace isomatch {

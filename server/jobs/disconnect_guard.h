@@ -8,8 +8,8 @@
 
 #include "absl/time/time.h"
 #include "core/base/mutex.h"
-#include "server/jobs/executor.h"
 #include "server/jobs/watchers.h"
+#include "server/machine/executor.h"
 
 namespace isomatch {
 

@@ -11,8 +11,8 @@
 #include <unordered_map>
 #include <vector>
 
-#include "server/jobs/executor.h"
 #include "server/jobs/memory_budget.h"
+#include "server/machine/executor.h"
 
 namespace isomatch {
 

@@ -15,7 +15,7 @@
 #include "core/pipeline/memory_plan.h"
 #include "server/jobs/errors.h"
 #include "server/jobs/prepared_matching.h"
-#include "server/jobs/process_memory.h"
+#include "server/machine/process_memory.h"
 
 namespace isomatch {
 namespace {

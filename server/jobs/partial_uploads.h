@@ -9,9 +9,9 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "core/base/mutex.h"
-#include "server/jobs/executor.h"
 #include "server/jobs/memory_budget.h"
 #include "server/jobs/tenant_budgets.h"
+#include "server/machine/executor.h"
 #include "server/storage/blob_store.h"
 
 namespace isomatch {

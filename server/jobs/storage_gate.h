@@ -7,7 +7,7 @@
 #include "absl/status/status.h"
 #include "absl/time/time.h"
 #include "core/base/mutex.h"
-#include "server/jobs/executor.h"
+#include "server/machine/executor.h"
 
 namespace isomatch {
 

@@ -7,7 +7,7 @@
 #include <string>
 
 #include "core/base/mutex.h"
-#include "server/jobs/executor.h"
+#include "server/machine/executor.h"
 
 namespace isomatch {
 

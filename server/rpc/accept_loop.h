@@ -10,9 +10,9 @@
 #include "absl/base/thread_annotations.h"
 #include "absl/status/statusor.h"
 #include "core/base/mutex.h"
+#include "server/machine/file_limit.h"
 #include "server/rpc/connection_table.h"
 #include "server/rpc/descriptor.h"
-#include "server/rpc/file_limit.h"
 #include "server/rpc/listening_sockets.h"
 #include "server/rpc/refusals.h"
 

@@ -7,7 +7,7 @@
 #include <sys/socket.h>
 #include <sys/types.h>
 
-#include "server/rpc/file_limit.h"
+#include "server/machine/file_limit.h"
 
 namespace isomatch {
 

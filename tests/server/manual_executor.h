@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "server/jobs/executor.h"
+#include "server/machine/executor.h"
 
 namespace isomatch {
 

@@ -11,7 +11,7 @@
 #include <gtest/gtest.h>
 
 #include "core/base/sha256.h"
-#include "server/jobs/thread_pool.h"
+#include "server/machine/thread_pool.h"
 #include "tests/server/jobs/job_manager_fixture.h"
 
 namespace isomatch {

@@ -12,7 +12,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "server/jobs/errors.h"
-#include "server/jobs/thread_pool.h"
+#include "server/machine/thread_pool.h"
 #include "tests/server/manual_executor.h"
 #include "tests/support/matchers.h"
 

@@ -14,7 +14,7 @@
 
 #include "absl/time/clock.h"
 #include "core/base/mutex.h"
-#include "server/jobs/thread_pool.h"
+#include "server/machine/thread_pool.h"
 #include "tests/server/manual_executor.h"
 
 namespace isomatch {

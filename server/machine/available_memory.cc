@@ -1,4 +1,4 @@
-#include "server/jobs/memory_limit.h"
+#include "server/machine/available_memory.h"
 
 #include <algorithm>
 #include <fstream>

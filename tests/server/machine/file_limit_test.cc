@@ -1,4 +1,4 @@
-#include "server/rpc/file_limit.h"
+#include "server/machine/file_limit.h"
 
 #include <algorithm>
 

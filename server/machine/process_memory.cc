@@ -1,4 +1,4 @@
-#include "server/jobs/process_memory.h"
+#include "server/machine/process_memory.h"
 
 #include <malloc.h>
 #include <unistd.h>

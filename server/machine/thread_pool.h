@@ -2,7 +2,7 @@
 
 #include <memory>
 
-#include "server/jobs/executor.h"
+#include "server/machine/executor.h"
 
 namespace isomatch {
 

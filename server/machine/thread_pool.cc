@@ -1,4 +1,4 @@
-#include "server/jobs/thread_pool.h"
+#include "server/machine/thread_pool.h"
 
 #include <cassert>
 #include <chrono>
