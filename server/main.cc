@@ -11,12 +11,12 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "core/base/version.h"
+#include "server/config/server_flags.h"
 #include "server/logging/log.h"
 #include "server/machine/file_limit.h"
 #include "server/rpc/grpc_logging.h"
 #include "server/rpc/health_probe.h"
 #include "server/server.h"
-#include "server/server_flags.h"
 
 namespace isomatch {
 namespace {

@@ -9,9 +9,9 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "core/pipeline/match_engine.h"
+#include "server/config/server_config.h"
 #include "server/convert/request_limits.h"
 #include "server/machine/file_limit.h"
-#include "server/server_config.h"
 
 namespace isomatch {
 

@@ -6,8 +6,8 @@
 
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
+#include "server/config/server_config.h"
 #include "server/jobs/retention_clock.h"
-#include "server/server_config.h"
 #include "server/storage/blob_store.h"
 #include "server/storage/files.h"
 #include "server/storage/job_journal.h"

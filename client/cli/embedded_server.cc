@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <thread>
 
-#include "server/server_config.h"
+#include "server/config/server_config.h"
 
 namespace isomatch {
 

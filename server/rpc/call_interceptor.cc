@@ -16,6 +16,7 @@
 #include "server/convert/job_name.h"
 #include "server/logging/log.h"
 #include "server/rpc/raw_message.h"
+#include "server/rpc/security/call_metadata.h"
 
 namespace isomatch {
 namespace {
@@ -23,19 +24,9 @@ namespace {
 using grpc::experimental::InterceptionHookPoints;
 using grpc::experimental::InterceptorBatchMethods;
 using grpc::experimental::ServerRpcInfo;
-using Metadata = std::multimap<grpc::string_ref, grpc::string_ref>;
 
-constexpr char kRequestIdKey[] = "x-request-id";
-constexpr size_t kMaxRequestIdBytes = 128;
 /// Of an error message; some quote what the client sent.
 constexpr size_t kMaxErrorBytes = 300;
-
-bool IsRequestId(const std::string& text) {
-  return !text.empty() && text.size() <= kMaxRequestIdBytes &&
-         std::all_of(text.begin(), text.end(), [](char c) {
-           return absl::ascii_isalnum(c) || c == '.' || c == '_' || c == '-';
-         });
-}
 
 /// "00-" 32 hex digits "-" 16 "-" 2, as W3C Trace Context has it.
 bool IsTraceparent(const std::string& text) {
@@ -48,17 +39,6 @@ bool IsTraceparent(const std::string& text) {
                           ? c == '-'
                           : absl::ascii_isxdigit(c) && !absl::ascii_isupper(c);
              });
-}
-
-/// Returns the first value of `key` that is as it should be, or "".
-std::string FindMetadata(const Metadata& metadata, const char* key,
-                         bool (*is_valid)(const std::string&)) {
-  const auto [begin, end] = metadata.equal_range(key);
-  for (auto entry = begin; entry != end; ++entry) {
-    std::string value(entry->second.data(), entry->second.size());
-    if (is_valid(value)) return value;
-  }
-  return "";
 }
 
 /// Reads a job's id from a message whose type the method tells; "" for none.
@@ -176,7 +156,7 @@ class CallInterceptor final : public grpc::experimental::Interceptor {
   }
 
  private:
-  void ReadMetadata(Metadata* metadata) {
+  void ReadMetadata(CallMetadata* metadata) {
     request_id_ = CallIdOf(*metadata);
     if (request_id_.empty()) request_id_ = observation_.new_id();
     traceparent_ = FindMetadata(*metadata, "traceparent", IsTraceparent);
@@ -268,10 +248,6 @@ class CallInterceptors final
 std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>
 MakeCallInterceptors(CallObservation observation) {
   return std::make_unique<CallInterceptors>(std::move(observation));
-}
-
-std::string CallIdOf(const Metadata& metadata) {
-  return FindMetadata(metadata, kRequestIdKey, IsRequestId);
 }
 
 }  // namespace isomatch

@@ -1,12 +1,10 @@
 #pragma once
 
 #include <functional>
-#include <map>
 #include <memory>
 #include <string>
 
 #include <grpcpp/support/server_interceptor.h>
-#include <grpcpp/support/string_ref.h>
 
 #include "absl/time/time.h"
 #include "server/metrics/metrics.h"
@@ -36,10 +34,5 @@ struct CallObservation {
 /// No other metadata is read, so none can leak.
 std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>
 MakeCallInterceptors(CallObservation observation);
-
-/// The request id of a call, from its metadata; "" when no interceptor of the
-/// above has seen it and the client sent none.
-std::string CallIdOf(
-    const std::multimap<grpc::string_ref, grpc::string_ref>& metadata);
 
 }  // namespace isomatch

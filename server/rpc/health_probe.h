@@ -4,7 +4,7 @@
 
 #include "absl/status/status.h"
 #include "absl/time/time.h"
-#include "server/rpc/tls_files.h"
+#include "server/rpc/security/tls_files.h"
 
 namespace isomatch {
 

@@ -8,7 +8,7 @@
 #include "server/jobs/tenant_budgets.h"
 #include "server/jobs/tenant_turns.h"
 #include "server/metrics/metrics.h"
-#include "server/rpc/access.h"
+#include "server/rpc/security/access.h"
 #include "server/storage/blob_store.h"
 
 namespace isomatch {

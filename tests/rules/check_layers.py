@@ -15,6 +15,8 @@ GEODESIC = MESH | {"core/geodesic"}
 CORE = GEODESIC | {"core/descriptor", "core/io", "core/matching",
                    "core/spectral", "core/alignment", "core/evaluation", "core/pipeline"}
 FILES = {"client/files", "client/picture"}
+RPC = CORE | {"server/rpc/security", "server/convert", "server/jobs", "server/storage",
+              "server/machine", "server/logging", "server/metrics", "proto"}
 API = FILES | {"client/api", "proto"}
 
 # Layer -> the layers it may include besides itself.
@@ -35,11 +37,10 @@ ALLOWED = {
     "server/storage": BASE | {"server/metrics"},
     "server/jobs": CORE | {"server/storage", "server/metrics", "server/machine"},
     "server/convert": CORE | {"server/jobs", "server/storage", "proto"},
-    "server/rpc": CORE | {"server/convert", "server/jobs", "server/storage",
-                          "server/machine", "server/logging", "server/metrics", "proto"},
-    "server": CORE | {"server/rpc", "server/convert", "server/jobs",
-                      "server/storage", "server/machine", "server/logging",
-                      "server/metrics", "proto"},
+    "server/rpc/security": BASE | {"server/jobs"},
+    "server/rpc": RPC,
+    "server/config": RPC | {"server/rpc"},
+    "server": RPC | {"server/rpc", "server/config"},
     "client/picture": MESH,
     "client/files": CORE | {"client/picture"},
     "client/api": CORE | {"proto"},
@@ -49,7 +50,7 @@ ALLOWED = {
     "client/transfer": CORE | FILES,
     "client/sample": CORE | FILES,
     "client/viewer": CORE | {"client/picture"},
-    "client/cli": CORE | API | {"server", "client/batch", "client/inspect",
+    "client/cli": CORE | API | {"server", "server/config", "client/batch", "client/inspect",
                                 "client/job", "client/sample",
                                 "client/transfer", "client/viewer"},
     "client/cpp": API,
@@ -58,7 +59,7 @@ ALLOWED = {
 
 # Pattern of an outside header -> the only layers that may include it.
 RESTRICTED = {
-    r"grpc": {"server/rpc", "server", "client/api", "client/cli", "proto"},
+    r"grpc": {"server/rpc", "server/rpc/security", "server", "client/api", "client/cli", "proto"},
     r"draco/": {"core/io"},
     r"Spectra/": {"core/spectral"},
     r"meshoptimizer\.h": {"core/mesh"},
@@ -67,11 +68,11 @@ RESTRICTED = {
     r"png\.h$": {"client/picture"},
     # A clock; core/base/mutex.h may wait, but tells no time to core.
     r"(chrono|absl/time/clock\.h|ctime)$":
-        {"core/base", "server/machine", "server/jobs", "server/rpc", "server/convert",
-         "server/storage",
+        {"core/base", "server/machine", "server/jobs", "server/rpc", "server/rpc/security",
+         "server/convert", "server/storage",
          "server", "client/api", "client/batch", "client/cli", "client"},
     r"(iostream|fstream|filesystem|cstdlib)$":
-        {"server", "server/machine", "server/storage", "server/rpc", "client/files",
+        {"server", "server/machine", "server/config", "server/storage", "server/rpc", "client/files",
          "client/batch", "client/cli", "client/cpp", "client"},
 }
 
@@ -84,7 +85,7 @@ INCLUDE = re.compile(r'^\s*#\s*include\s+[<"]([^>"]+)[>"]', re.M)
 
 def layer_of(path):
     parts = re.sub("^isomatch/(?=client/)", "", path).split("/")
-    for length in (2, 1):
+    for length in (3, 2, 1):
         layer = "/".join(parts[:length])
         if layer in ALLOWED and len(parts) > length:
             return layer
@@ -116,6 +117,8 @@ def main(root):
     assert list(problems_of("core/mesh/x.cc", '#include "core/pipeline/y.h"'))
     assert list(problems_of("core/pipeline/x.cc", "#include <chrono>"))
     assert list(problems_of("server/machine/x.cc", '#include "server/jobs/y.h"'))
+    assert list(problems_of("server/rpc/security/x.cc", '#include "server/rpc/y.h"'))
+    assert list(problems_of("server/rpc/x.cc", '#include "server/config/y.h"'))
     assert list(problems_of("client/files/x.cc", '#include "client/cli/y.h"'))
     return 1 if found else 0
 

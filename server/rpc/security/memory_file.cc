@@ -1,0 +1,52 @@
+#include "server/rpc/security/memory_file.h"
+
+#include <fcntl.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+
+#include "absl/strings/str_cat.h"
+
+namespace isomatch {
+namespace {
+
+bool WriteAll(int file, absl::string_view bytes) {
+  while (!bytes.empty()) {
+    const ssize_t written = write(file, bytes.data(), bytes.size());
+    if (written < 0 && errno != EINTR) return false;
+    if (written > 0) bytes.remove_prefix(static_cast<size_t>(written));
+  }
+  return true;
+}
+
+}  // namespace
+
+MemoryFile::~MemoryFile() {
+  if (file_ >= 0) close(file_);
+}
+
+absl::Status MemoryFile::Replace(absl::string_view bytes) {
+  const int fresh = memfd_create("isomatch", MFD_CLOEXEC);
+  // The number stays, and with it the path; what it stands for changes.
+  if (fresh < 0 || !WriteAll(fresh, bytes) ||
+      (file_ >= 0 && dup3(fresh, file_, O_CLOEXEC) < 0)) {
+    const int error = errno;
+    if (fresh >= 0) close(fresh);
+    return absl::UnavailableError(
+        absl::StrCat("no file in memory: ", std::strerror(error)));
+  }
+  if (file_ >= 0) {
+    close(fresh);
+  } else {
+    file_ = fresh;
+  }
+  return absl::OkStatus();
+}
+
+std::string MemoryFile::path() const {
+  return absl::StrCat("/proc/self/fd/", file_);
+}
+
+}  // namespace isomatch
