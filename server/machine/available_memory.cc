@@ -8,6 +8,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
+#include "server/machine/proc_file.h"
 
 namespace isomatch {
 namespace {
@@ -20,17 +21,6 @@ std::int64_t ReadLimit(const std::string& path) {
   std::int64_t limit = 0;
   if (!(std::ifstream(path) >> word)) return kNoLimit;
   return absl::SimpleAtoi(word, &limit) ? limit : kNoLimit;
-}
-
-std::int64_t PhysicalBytes(const std::string& root) {
-  std::ifstream meminfo(root + "/proc/meminfo");
-  std::string key;
-  std::int64_t kibibytes = 0;
-  while (meminfo >> key) {
-    if (key == "MemTotal:" && meminfo >> kibibytes) return kibibytes * 1024;
-    meminfo.ignore(std::numeric_limits<std::streamsize>::max(), '\n');
-  }
-  return kNoLimit;
 }
 
 /// The smallest of `file` in the cgroup `group` below `mount` and in all of its
@@ -70,15 +60,9 @@ std::int64_t CgroupBytes(const std::string& root) {
 }  // namespace
 
 std::int64_t AvailableMemoryBytes(const std::string& root) {
-  return std::min(PhysicalBytes(root), CgroupBytes(root));
-}
-
-std::int64_t ChooseMemoryBudget(std::int64_t wanted_bytes,
-                                std::int64_t available_bytes) {
-  constexpr double kShare = 0.8;  // the rest is for gRPC, blobs and the system
-  const auto most =
-      static_cast<std::int64_t>(kShare * static_cast<double>(available_bytes));
-  return wanted_bytes == 0 ? most : std::min(wanted_bytes, most);
+  const std::int64_t physical =
+      ReadProcBytes(root + "/proc/meminfo", "MemTotal").value_or(kNoLimit);
+  return std::min(physical, CgroupBytes(root));
 }
 
 }  // namespace isomatch

@@ -10,9 +10,4 @@ namespace isomatch {
 /// stands before /proc and /sys, for tests.
 std::int64_t AvailableMemoryBytes(const std::string& root = "");
 
-/// Returns min(`wanted_bytes`, 0.8 `available_bytes`), the latter alone when
-/// `wanted_bytes` is 0.
-std::int64_t ChooseMemoryBudget(std::int64_t wanted_bytes,
-                                std::int64_t available_bytes);
-
 }  // namespace isomatch

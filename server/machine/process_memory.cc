@@ -4,8 +4,8 @@
 #include <unistd.h>
 
 #include <fstream>
-#include <limits>
-#include <string>
+
+#include "server/machine/proc_file.h"
 
 namespace isomatch {
 
@@ -15,14 +15,7 @@ void ResetPeakResidentBytes() {
 }
 
 std::int64_t PeakResidentBytes() {
-  std::ifstream status("/proc/self/status");
-  std::string key;
-  std::int64_t kibibytes = 0;
-  while (status >> key) {
-    if (key == "VmHWM:" && status >> kibibytes) return kibibytes * 1024;
-    status.ignore(std::numeric_limits<std::streamsize>::max(), '\n');
-  }
-  return 0;
+  return ReadProcBytes("/proc/self/status", "VmHWM").value_or(0);
 }
 
 std::int64_t ResidentBytes() {
