@@ -15,7 +15,7 @@
 #include "absl/time/clock.h"
 #include "core/base/status_macros.h"
 #include "core/base/version.h"
-#include "server/config/server_limits.h"
+#include "server/config/resource_plan.h"
 #include "server/convert/result_info.h"
 #include "server/convert/stored_request.h"
 #include "server/job_log.h"
@@ -23,7 +23,7 @@
 #include "server/jobs/prepared_cache.h"
 #include "server/jobs/retention_clock.h"
 #include "server/logging/log.h"
-#include "server/machine/available_memory.h"
+#include "server/machine/machine.h"
 #include "server/machine/process_memory.h"
 #include "server/machine/thread_pool.h"
 #include "server/metrics/prometheus_metrics.h"
@@ -86,14 +86,6 @@ absl::StatusOr<std::unique_ptr<ApiKeys>> OpenKeys(const ServerConfig& config) {
                        config.max_priority);
 }
 
-ConnectionLimits MakeConnectionLimits(const ServerConfig& config) {
-  ConnectionLimits limits = ChooseConnectionLimits(
-      config.max_connections, config.max_connections_per_address, FileLimit());
-  // All connections come from the proxy.
-  if (config.behind_edge) limits.of_one_address = 0;
-  return limits;
-}
-
 /// Null when there is to be no endpoint.
 std::unique_ptr<PrometheusMetrics> MakeMetrics(const ServerConfig& config) {
   if (config.listen.empty() || config.metrics_listen == "off") return nullptr;
@@ -122,7 +114,7 @@ class Server::Impl {
   const RequestLimits& limits() const { return context_.parse.limits; }
   JobManager::Load load() const { return manager_.load(); }
   const ConnectionLimits& connection_limits() const {
-    return connection_limits_;
+    return plan_.connections;
   }
   std::shared_ptr<grpc::Channel> InProcessChannel() {
     return grpc_->InProcessChannel(grpc::ChannelArguments());
@@ -141,7 +133,7 @@ class Server::Impl {
   MakeInterceptors();
 
   const ServerConfig config_;
-  const ConnectionLimits connection_limits_;
+  const ResourcePlan plan_;
   const Access access_;
   const std::unique_ptr<PrometheusMetrics> prometheus_;
   Metrics& metrics_;
@@ -171,7 +163,6 @@ class Server::Impl {
   std::unique_ptr<ThreadPool> disk_;
   TenantTurns disk_turns_;
   std::unique_ptr<ThreadPool> watch_;
-  const std::int64_t max_resident_bytes_;
   PartialUploads partial_uploads_;
   JobManager manager_;
   const ServiceContext context_;
@@ -188,27 +179,27 @@ Server::Impl::Impl(const ServerConfig& config, MatchEngine engine,
                    std::unique_ptr<ApiKeys> keys, Stores stores,
                    OnGiveUp on_give_up)
     : config_(config),
-      connection_limits_(MakeConnectionLimits(config)),
+      plan_(PlanResources(config, ThisMachine())),
       access_(std::move(keys)),
       prometheus_(MakeMetrics(config)),
       metrics_(prometheus_ == nullptr ? NullMetrics() : *prometheus_),
       stores_(std::move(stores)),
       on_give_up_(std::move(on_give_up)),
-      prepared_(ChoosePreparedCacheBytes(config), stores_.prepared.get()),
-      budget_(ChooseBudgetBytes(config) - ChoosePreparedCacheBytes(config)),
-      request_bytes_(RequestBytes(config)),
-      requests_(&request_bytes_, TenantLimitsOf(config).request_bytes),
-      upload_bytes_(UploadBytes(config)),
-      uploads_(&upload_bytes_, TenantLimitsOf(config).upload_bytes),
-      download_bytes_(DownloadBytes(config)),
-      downloads_(&download_bytes_, TenantLimitsOf(config).download_bytes),
-      upload_calls_(&all_upload_calls_, TenantLimitsOf(config).uploads),
+      prepared_(plan_.prepared_bytes, stores_.prepared.get()),
+      budget_(plan_.job_bytes),
+      request_bytes_(plan_.request_bytes),
+      requests_(&request_bytes_, plan_.tenant.request_bytes),
+      upload_bytes_(plan_.upload_bytes),
+      uploads_(&upload_bytes_, plan_.tenant.upload_bytes),
+      download_bytes_(plan_.download_bytes),
+      downloads_(&download_bytes_, plan_.tenant.download_bytes),
+      upload_calls_(&all_upload_calls_, plan_.tenant.uploads),
       runner_(std::move(engine), DescribeResult, absl::Now, prepared_),
       retention_clock_(MakeClockParts(config), stores_.last_seen),
       workers_(std::make_unique<ThreadPool>(config.workers)),
       timers_(std::make_unique<ThreadPool>(1)),
-      intake_(std::make_unique<ThreadPool>(IntakeThreads(config))),
-      intake_turns_({.max_waiting_per_tenant = TenantLimitsOf(config).requests},
+      intake_(std::make_unique<ThreadPool>(plan_.intake_threads)),
+      intake_turns_({.max_waiting_per_tenant = plan_.tenant.requests},
                     intake_.get()),
       upkeep_(std::make_unique<ThreadPool>(1)),
       changes_(std::make_unique<ThreadPool>(kDiskThreads)),
@@ -216,7 +207,6 @@ Server::Impl::Impl(const ServerConfig& config, MatchEngine engine,
       disk_(std::make_unique<ThreadPool>(kDiskThreads)),
       disk_turns_(kAnyNumber, disk_.get()),
       watch_(std::make_unique<ThreadPool>(1)),
-      max_resident_bytes_(ChooseMaxResidentBytes(config)),
       partial_uploads_(&uploads_, timers_.get(), config.partial_upload_kept),
       manager_(MakeJobLimits(), MakeJobParts()),
       context_(MakeContext()),
@@ -239,11 +229,11 @@ JobManager::Limits Server::Impl::MakeJobLimits() const {
   JobManager::Limits limits;
   limits.workers = config_.workers;
   limits.max_queued_jobs = config_.max_queued_jobs;
-  limits.tenant = TenantLimitsOf(config_);
+  limits.tenant = plan_.tenant;
   limits.max_kept_jobs = config_.max_kept_jobs;
   limits.job_retention = config_.job_retention;
   limits.durable = config_.is_durable();
-  limits.max_result_bytes = config_.blob_store_bytes / 4;
+  limits.max_result_bytes = plan_.max_result_bytes;
   limits.unwatched_grace = config_.unwatched_grace;
   limits.unresponsive_grace = config_.unresponsive_grace;
   if (config_.max_run_time > absl::ZeroDuration()) {
@@ -292,7 +282,7 @@ JobManager::MemoryFigures Server::Impl::ReadMemory() const {
   return {.resident_bytes = ResidentBytes(),
           .expected_bytes =
               kProcessBytes + static_cast<std::int64_t>(kGrpcBytes) + reserved,
-          .limit_bytes = max_resident_bytes_};
+          .limit_bytes = plan_.max_resident_bytes};
 }
 
 LoadFigures Server::Impl::ReadLoad() {
@@ -344,8 +334,8 @@ ServiceContext Server::Impl::MakeContext() {
   context.disk = &disk_turns_;
   context.downloads = &downloads_;
   context.metrics = &metrics_;
-  context.parse = {stores_.blobs.get(), &runner_, MakeRequestLimits(config_),
-                   ChooseThreads(config_)};
+  context.parse = {stores_.blobs.get(), &runner_, plan_.requests,
+                   plan_.threads_per_job};
   context.workers = config_.workers;
   context.durable = config_.is_durable();
   context.job_retention = config_.job_retention;
@@ -362,7 +352,7 @@ absl::Status Server::Impl::OpenPort(grpc::ServerBuilder& builder) {
                                               config_.tls_client_ca},
                                              ReloadLogger("certificates")));
   ISOMATCH_ASSIGN_OR_RETURN(
-      accept_loop_, AcceptLoop::Listen(config_.listen, connection_limits_));
+      accept_loop_, AcceptLoop::Listen(config_.listen, plan_.connections));
   acceptor_ = builder.experimental().AddExternalConnectionAcceptor(
       Type::FROM_FD, port_credentials_.credentials);
   return absl::OkStatus();

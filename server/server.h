@@ -11,7 +11,7 @@
 #include "core/pipeline/match_engine.h"
 #include "server/config/server_config.h"
 #include "server/convert/request_limits.h"
-#include "server/machine/file_limit.h"
+#include "server/rpc/connection_table.h"
 
 namespace isomatch {
 

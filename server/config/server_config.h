@@ -88,7 +88,7 @@ struct ServerConfig {
   static constexpr IntRange kMaxQueuedJobs = {1, 100'000};
   int max_queued_jobs = 100;
   // Of one tenant. 0 stands for no limit of its own, unless there are API keys:
-  // then for the share that TenantLimitsOf gives.
+  // then for the share that ResourcePlan gives.
 
   static constexpr IntRange kPerTenant = {0, 1'000'000};
   int max_queued_jobs_per_tenant = 0;
@@ -112,7 +112,7 @@ struct ServerConfig {
   std::int64_t max_mesh_bytes = std::int64_t{256} << 20;
 
   /// Open connections. 0 is 10,000; what the limit of open files has no room
-  /// for is cut off; see ChooseConnectionLimits.
+  /// for is cut off; see ResourcePlan.
   static constexpr IntRange kMaxConnections = {0, 1'000'000};
   int max_connections = 0;
   /// Of one address; 0 is an eighth of them. This machine's have no limit.

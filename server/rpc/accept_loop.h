@@ -10,7 +10,6 @@
 #include "absl/base/thread_annotations.h"
 #include "absl/status/statusor.h"
 #include "core/base/mutex.h"
-#include "server/machine/file_limit.h"
 #include "server/rpc/connection_table.h"
 #include "server/rpc/descriptor.h"
 #include "server/rpc/listening_sockets.h"

@@ -7,9 +7,14 @@
 #include <sys/socket.h>
 #include <sys/types.h>
 
-#include "server/machine/file_limit.h"
-
 namespace isomatch {
+
+/// Who may be connected at the same time.
+struct ConnectionLimits {
+  int most;
+  /// Of one address; 0 for no limit of its own.
+  int of_one_address;
+};
 
 /// Returns whom connections of a peer are counted for: its IPv4 address, or the
 /// first 64 bits of its IPv6 address, which is what one customer of a network

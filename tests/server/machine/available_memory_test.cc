@@ -50,11 +50,5 @@ TEST_F(AvailableMemoryTest, OfThisMachineIsPlausible) {
   EXPECT_LT(AvailableMemoryBytes(), std::int64_t{1} << 46);
 }
 
-TEST(ChooseMemoryBudgetTest, IsNeverMoreThanFourFifths) {
-  EXPECT_EQ(ChooseMemoryBudget(0, 1000), 800);
-  EXPECT_EQ(ChooseMemoryBudget(500, 1000), 500);
-  EXPECT_EQ(ChooseMemoryBudget(900, 1000), 800);
-}
-
 }  // namespace
 }  // namespace isomatch

@@ -21,21 +21,5 @@ TEST(FileLimitTest, IsRaisedToWhatTheProcessMayHave) {
   EXPECT_EQ(setrlimit(RLIMIT_NOFILE, &before), 0);
 }
 
-TEST(ConnectionLimitsTest, LeaveAQuarterOfFewFilesAnd1024OfMany) {
-  EXPECT_EQ(ChooseConnectionLimits(0, 0, 256).most, 192);
-  EXPECT_EQ(ChooseConnectionLimits(0, 0, 1024).most, 768);
-  EXPECT_EQ(ChooseConnectionLimits(0, 0, 1 << 20).most, 10'000);
-  EXPECT_EQ(ChooseConnectionLimits(1'000'000, 0, 1 << 20).most, 1'000'000);
-  EXPECT_EQ(ChooseConnectionLimits(1'000'000, 0, 20'000).most, 18'976);
-  EXPECT_EQ(ChooseConnectionLimits(50, 0, 1024).most, 50);
-  EXPECT_EQ(ChooseConnectionLimits(0, 0, 1).most, 1);
-}
-
-TEST(ConnectionLimitsTest, OneAddressGetsAnEighth) {
-  EXPECT_EQ(ChooseConnectionLimits(0, 0, 1 << 20).of_one_address, 1250);
-  EXPECT_EQ(ChooseConnectionLimits(2, 0, 1 << 20).of_one_address, 1);
-  EXPECT_EQ(ChooseConnectionLimits(0, 7, 1 << 20).of_one_address, 7);
-}
-
 }  // namespace
 }  // namespace isomatch
