@@ -66,12 +66,12 @@ class ImageTest(unittest.TestCase):
             for path in line.split()[1:-1]
         ]
         allowed = (ROOT / ".dockerignore").read_text().splitlines()
-        lists = (ROOT / "packaging/CMakeLists.txt").read_text()
+        lists = (ROOT / "docker/debian/CMakeLists.txt").read_text()
         sources = re.findall(r"configure_file\((\S+)", lists)
         self.assertGreater(len(sources), 2)
         for source in sources:
             top = source.startswith("${PROJECT_SOURCE_DIR}/")
-            path = source.partition("/")[2] if top else f"packaging/{source}"
+            path = source.partition("/")[2] if top else f"docker/debian/{source}"
             with self.subTest(path=path):
                 self.assertTrue(any(path == c or path.startswith(f"{c}/") for c in copied))
                 self.assertIn("!" + path.partition("/")[0], allowed)

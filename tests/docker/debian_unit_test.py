@@ -1,4 +1,4 @@
-"""packaging/: the unit and its settings, judged by the real server."""
+"""docker/debian/: the unit and its settings, judged by the real server."""
 
 import re
 import unittest
@@ -6,12 +6,12 @@ import unittest
 import deployment
 from deployment import ROOT
 
-CONFIG = ROOT / "packaging/server.toml"
+CONFIG = ROOT / "docker/debian/server.toml"
 
 
 def unit():
     """Returns the settings of the unit's [Service]; the last of a name holds."""
-    text = (ROOT / "packaging/isomatch-server.service.in").read_text()
+    text = (ROOT / "docker/debian/isomatch-server.service.in").read_text()
     service = text.split("[Service]")[1].split("[Install]")[0]
     return dict(re.findall(r"^(\w+)=(.*)$", service, re.MULTILINE))
 
@@ -46,7 +46,7 @@ class DebianUnitTest(unittest.TestCase):
         )
         self.assertIn('data-dir = "/var/lib/isomatch"', config.stdout)
         self.assertEqual(unit()["StateDirectory"], "isomatch")
-        postrm = (ROOT / "packaging/deb/postrm").read_text()
+        postrm = (ROOT / "docker/debian/postrm").read_text()
         self.assertIn("rm -rf /var/lib/isomatch\n", postrm)
 
     def test_has_time_to_drain(self):

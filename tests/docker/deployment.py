@@ -1,4 +1,4 @@
-"""What the tests of docker/ and packaging/ share: the server as judge of settings."""
+"""What the tests of docker/ share: the server as judge of settings."""
 
 import os
 import pathlib

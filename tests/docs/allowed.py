@@ -43,8 +43,8 @@ def check_paths(words):
 
 def check_apt(words):
     """Packages are in docker/packages.txt, or what scripts/package makes."""
-    packaging = read("packaging/CMakeLists.txt")
-    made = re.findall(r"set\(CPACK_DEBIAN_\w+_PACKAGE_NAME (\S+)\)", packaging)
+    lists = read("docker/debian/CMakeLists.txt")
+    made = re.findall(r"set\(CPACK_DEBIAN_\w+_PACKAGE_NAME (\S+)\)", lists)
     known = read("docker/packages.txt").split() + [f"./build/package/{name}_*.deb" for name in made]
     packages = words[words.index("install") + 1 :]
     return [f"{name} is neither in docker/packages.txt nor of scripts/package"
@@ -52,8 +52,8 @@ def check_apt(words):
 
 
 def check_unit(words):
-    unit = ROOT / f"packaging/{words[-1]}.service.in"
-    return [] if unit.is_file() else [f"packaging has no unit {words[-1]}"]
+    unit = ROOT / f"docker/debian/{words[-1]}.service.in"
+    return [] if unit.is_file() else [f"docker/debian has no unit {words[-1]}"]
 
 
 def check_kubectl(words):
@@ -104,7 +104,7 @@ def check_test_binary(words):
 
 def check_component(words):
     """What follows --component is one."""
-    components = re.search(r"set\(components (.*)\)", read("packaging/CMakeLists.txt")).group(1)
+    components = re.search(r"set\(components (.*)\)", read("docker/debian/CMakeLists.txt")).group(1)
     named = [value for flag, value in zip(words, words[1:]) if flag == "--component"]
     return [f"there is no component {name}" for name in named if name not in components.split()]
 
@@ -181,7 +181,7 @@ ALLOWED = [
     Allowed("tests/bench/make_resolution_pairs.py", "needs a data set", programs.check_script),
     Allowed("docker/build", "needs docker, podman or buildah", programs.check_script),
     Allowed("docker/smoke-test", "needs root and the Debian mirror", programs.check_script),
-    Allowed("packaging/deb-test", "needs root and the Debian mirror", programs.check_script),
+    Allowed("docker/debian/smoke-test", "needs root and the Debian mirror", programs.check_script),
     Allowed("cmake --preset", "configures a build", programs.check_presets),
     Allowed("cmake --build", "builds", check_build),
     Allowed("cmake --install", "installs", check_component),

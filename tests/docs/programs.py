@@ -104,7 +104,7 @@ def every_flag():
     for binary in (CLIENT, BENCH):
         for name in subcommands(binary):
             known |= known_flags(binary, name)
-    for folder in ("scripts", "docker", "packaging"):
+    for folder in ("scripts", "docker", "docker/debian"):
         for script in (ROOT / folder).iterdir():
             if script.is_file() and os.access(script, os.X_OK):
                 known |= set(re.findall(r"--[a-z-]+", usage(f"{folder}/{script.name}")))

@@ -8,7 +8,7 @@ import shlex
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 
 # Ours; build/ is made.
-FOLDERS = ("client", "core", "docker", "packaging", "proto", "scripts", "server", "tests")
+FOLDERS = ("client", "core", "docker", "proto", "scripts", "server", "tests")
 
 # What separates simple commands in a line of shell.
 SEPARATORS = {"&&", "||", "|", ";", "&", "(", ")", ");"}

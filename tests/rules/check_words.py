@@ -16,7 +16,7 @@ BRITISH = re.compile(
     r"|vector|recogn|initial|organ|parametr|visual|general|optim)is(e|es|ed|er|ers|ing"
     r"|ation|ations|able)\b", re.I)
 
-FOLDERS = ("client", "core", "docker", "packaging", "proto", "scripts", "server", "tests")
+FOLDERS = ("client", "core", "docker", "proto", "scripts", "server", "tests")
 TEXT = {".cc", ".h", ".py", ".js", ".mjs", ".md", ".proto", ".txt", ".html", ".css",
         ".json", ".yaml", ".toml", ".conf", ".cmake", ".in", ".service", ""}
 SKIPPED = {"node_modules", "corpus", "data", "package-lock.json", "check_words.py",
