@@ -41,28 +41,40 @@ absl::Status CheckColumns(const std::string& path, const NumberLine& line,
                    columns, " (", names, ")"));
 }
 
-// Checks the number in `column`, called `name`, against [first, end).
+// What a column of vertices is called, and its numbers, [first, end).
+struct VertexColumn {
+  const char* name;
+  std::int64_t first;
+  std::int64_t end;
+};
+
+// Checks the number in `column`, as `expected`.
 absl::Status CheckVertex(const std::string& path, const NumberLine& line,
-                         std::size_t column, const char* name,
-                         std::int64_t first, std::int64_t end) {
+                         std::size_t column, const VertexColumn& expected) {
   const std::int64_t found = line.numbers[column];
-  if (first <= found && found < end) return absl::OkStatus();
-  return LineError(path, line.line,
-                   absl::StrCat(name, " is ", found, ", expected ", first,
-                                " to ", end - 1, " (0-based)"));
+  if (expected.first <= found && found < expected.end) return absl::OkStatus();
+  return LineError(
+      path, line.line,
+      absl::StrCat(expected.name, " is ", found, ", expected ", expected.first,
+                   " to ", expected.end - 1, " (0-based)"));
 }
 
-// Remembers in `partner` that `from` goes with `to`; an error when it went with
-// another one before.
-absl::Status CheckPartner(
-    const std::string& path, int line, const char* name, VertexIndex from,
-    VertexIndex to, std::unordered_map<VertexIndex, VertexIndex>& partner) {
-  const auto [entry, is_new] = partner.emplace(from, to);
+// Whom each vertex of one shape is matched to.
+struct Partners {
+  const char* shape;
+  std::unordered_map<VertexIndex, VertexIndex> of;
+};
+
+// Remembers that `from` goes with `to`; an error when it went with another one
+// before.
+absl::Status CheckPartner(const std::string& path, int line, VertexIndex from,
+                          VertexIndex to, Partners& partners) {
+  const auto [entry, is_new] = partners.of.emplace(from, to);
   if (is_new || entry->second == to) return absl::OkStatus();
-  return LineError(
-      path, line,
-      absl::StrCat("vertex ", from, " of ", name, " is matched to ", to,
-                   " and before to ", entry->second, ", expected one partner"));
+  return LineError(path, line,
+                   absl::StrCat("vertex ", from, " of ", partners.shape,
+                                " is matched to ", to, " and before to ",
+                                entry->second, ", expected one partner"));
 }
 
 absl::StatusOr<GroundTruth> TruthFromColumn(
@@ -77,7 +89,7 @@ absl::StatusOr<GroundTruth> TruthFromColumn(
   for (const NumberLine& line : lines) {
     ISOMATCH_RETURN_IF_ERROR(CheckColumns(path, line, 1, "y"));
     ISOMATCH_RETURN_IF_ERROR(
-        CheckVertex(path, line, 0, "y", kNoVertex, vertices_y));
+        CheckVertex(path, line, 0, {"y", kNoVertex, vertices_y}));
     truth.direct.push_back(static_cast<VertexIndex>(line.numbers[0]));
   }
   return truth;
@@ -93,14 +105,14 @@ absl::StatusOr<GroundTruth> TruthFromPairs(const std::string& path,
   for (const NumberLine& line : lines) {
     ISOMATCH_RETURN_IF_ERROR(CheckColumns(
         path, line, columns, columns == 3 ? "x y y_mirrored" : "x y"));
-    ISOMATCH_RETURN_IF_ERROR(CheckVertex(path, line, 0, "x", 0, vertices_x));
+    ISOMATCH_RETURN_IF_ERROR(CheckVertex(path, line, 0, {"x", 0, vertices_x}));
     ISOMATCH_RETURN_IF_ERROR(
-        CheckVertex(path, line, 1, "y", kNoVertex, vertices_y));
+        CheckVertex(path, line, 1, {"y", kNoVertex, vertices_y}));
     const auto x = static_cast<std::size_t>(line.numbers[0]);
     truth.direct[x] = static_cast<VertexIndex>(line.numbers[1]);
     if (columns < 3) continue;
     ISOMATCH_RETURN_IF_ERROR(
-        CheckVertex(path, line, 2, "y_mirrored", kNoVertex, vertices_y));
+        CheckVertex(path, line, 2, {"y_mirrored", kNoVertex, vertices_y}));
     truth.mirrored[x] = static_cast<VertexIndex>(line.numbers[2]);
   }
   return truth;
@@ -327,16 +339,16 @@ absl::StatusOr<std::vector<VertexMatch>> ReadLandmarks(
   ISOMATCH_ASSIGN_OR_RETURN(const std::vector<NumberLine> lines,
                             ReadNumberLines(path, "landmarks: lines `x y`"));
   std::vector<VertexMatch> landmarks;
-  std::unordered_map<VertexIndex, VertexIndex> y_of_x;
-  std::unordered_map<VertexIndex, VertexIndex> x_of_y;
+  Partners of_x = {"X", {}};
+  Partners of_y = {"Y", {}};
   for (const NumberLine& line : lines) {
     ISOMATCH_RETURN_IF_ERROR(CheckColumns(path, line, 2, "x y"));
-    ISOMATCH_RETURN_IF_ERROR(CheckVertex(path, line, 0, "x", 0, vertices_x));
-    ISOMATCH_RETURN_IF_ERROR(CheckVertex(path, line, 1, "y", 0, vertices_y));
+    ISOMATCH_RETURN_IF_ERROR(CheckVertex(path, line, 0, {"x", 0, vertices_x}));
+    ISOMATCH_RETURN_IF_ERROR(CheckVertex(path, line, 1, {"y", 0, vertices_y}));
     const auto x = static_cast<VertexIndex>(line.numbers[0]);
     const auto y = static_cast<VertexIndex>(line.numbers[1]);
-    ISOMATCH_RETURN_IF_ERROR(CheckPartner(path, line.line, "X", x, y, y_of_x));
-    ISOMATCH_RETURN_IF_ERROR(CheckPartner(path, line.line, "Y", y, x, x_of_y));
+    ISOMATCH_RETURN_IF_ERROR(CheckPartner(path, line.line, x, y, of_x));
+    ISOMATCH_RETURN_IF_ERROR(CheckPartner(path, line.line, y, x, of_y));
     landmarks.push_back({x, y});
   }
   return landmarks;

@@ -78,8 +78,18 @@ Bins Around(double at, int count) {
   return {bin % count, (bin + 1) % count, place - floor};
 }
 
-void AddPoint(const Eigen::Vector3d& local, double distance, double cosine,
-              double radius, double area, float* histogram) {
+/// A vertex of a ball, as its center sees it.
+struct SeenPoint {
+  /// In the center's frame.
+  Eigen::Vector3d local;
+  double distance;
+  /// Between its normal and the center's.
+  double cosine;
+  double area;
+};
+
+void AddPoint(const SeenPoint& point, double radius, float* histogram) {
+  const auto& [local, distance, cosine, area] = point;
   const double turn =
       std::atan2(local.y(), local.x()) / (2 * std::numbers::pi) + 0.5;
   const double height = distance > 0 ? 0.5 + 0.5 * local.z() / distance : 0.5;
@@ -112,8 +122,9 @@ void Describe(const DescribedSurface& surface, VertexIndex vertex,
   for (const auto& [v, distance] : ball) {
     const Eigen::Vector3d local =
         ((surface.mesh.positions.row(v) - center) * frame).transpose();
-    AddPoint(local, distance, surface.normals.row(v).dot(frame.col(2)), radius,
-             surface.areas[v], histogram.data());
+    AddPoint({local, distance, surface.normals.row(v).dot(frame.col(2)),
+              surface.areas[v]},
+             radius, histogram.data());
   }
   histogram.stableNormalize();
 }

@@ -67,7 +67,7 @@ class StencilBuilder {
     const double ab = Length(a, b);
     const bool obtuse = va * va + vb * vb < ab * ab;
     if (obtuse && AddUnfolded(face, corner, va, vb, ab)) return;
-    AddPair(v, a, b, va, vb, ab);
+    AddPair({v, a, b, va, vb, ab});
   }
 
   /// Splits the obtuse angle at `corner`; false when no vertex behind the
@@ -83,9 +83,9 @@ class StencilBuilder {
         FindSplit(edges_.Opposite(face, (corner + 1) % 3), apex, a, b);
     if (!split) return false;
     const double vw = (split->position - apex).norm();
-    AddPair(v, a.vertex, split->vertex, va, vw, split->position.norm());
-    AddPair(v, split->vertex, b.vertex, vw, vb,
-            (split->position - b.position).norm());
+    AddPair({v, a.vertex, split->vertex, va, vw, split->position.norm()});
+    AddPair({v, split->vertex, b.vertex, vw, vb,
+             (split->position - b.position).norm()});
     return true;
   }
 
@@ -133,23 +133,34 @@ class StencilBuilder {
     return {kNoVertex, 0};
   }
 
-  void AddPair(VertexIndex v, VertexIndex a, VertexIndex b, double va,
-               double vb, double ab) {
-    if (v == a || v == b || a == b || ab == 0) return;
-    Add(v, a, b, va, vb, ab);
-    Add(v, b, a, vb, va, ab);
+  /// A triangle with the vertex that a stencil is of, and its sides' lengths.
+  struct Triangle {
+    VertexIndex v;
+    VertexIndex support;
+    VertexIndex other;
+    double to_support;
+    double to_other;
+    double base;
+  };
+
+  /// Either of the two other vertices supports one.
+  void AddPair(const Triangle& t) {
+    if (t.v == t.support || t.v == t.other || t.support == t.other) return;
+    if (t.base == 0) return;
+    Add(t);
+    Add({t.v, t.other, t.support, t.to_other, t.to_support, t.base});
   }
 
-  void Add(VertexIndex v, VertexIndex support, VertexIndex other,
-           double to_support, double to_other, double base) {
-    const double x =
-        (to_support * to_support - to_other * to_other + base * base) /
-        (2 * base);
-    const double y = std::sqrt(std::max(0.0, to_support * to_support - x * x));
+  void Add(const Triangle& t) {
+    const double x = (t.to_support * t.to_support - t.to_other * t.to_other +
+                      t.base * t.base) /
+                     (2 * t.base);
+    const double y =
+        std::sqrt(std::max(0.0, t.to_support * t.to_support - x * x));
     stencils_.push_back(
-        {support,
-         {v, other, static_cast<float>(base), static_cast<float>(x),
-          static_cast<float>(y), static_cast<float>(to_support)}});
+        {t.support,
+         {t.v, t.other, static_cast<float>(t.base), static_cast<float>(x),
+          static_cast<float>(y), static_cast<float>(t.to_support)}});
   }
 
   const TriangleMesh& mesh_;

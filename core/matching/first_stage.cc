@@ -328,16 +328,18 @@ class RoundProgress {
   const std::function<void(double)>& report_;
 };
 
-}  // namespace
+/// What ends the growth of a map.
+struct GrowthEnd {
+  int matches;
+  const std::stop_token& stop;
+};
 
-double LandmarkPenalty(double contradicted_fraction) {
-  return std::exp(kPenaltyRate * contradicted_fraction);
-}
-
+/// Grows `matching`: insertion alternates between farthest points of X and of
+/// Y, and a phase of swapping follows every swap_interval insertions (paper,
+/// Sections 3.3.1 and 3.4). Ends early when a pool is used up.
 void Grow(const FirstStageInput& input, const FirstStageOptions& options,
-          int target, RandomStream* random, const std::stop_token& stop,
-          Matching* matching) {
-  while (matching->size() < target && !stop.stop_requested()) {
+          const GrowthEnd& end, RandomStream* random, Matching* matching) {
+  while (matching->size() < end.matches && !end.stop.stop_requested()) {
     // Even sizes sample X and look on Y, odd ones the other way.
     const Side from = matching->size() % 2 == 0 ? kX : kY;
     const CandidateSearch& search =
@@ -347,6 +349,12 @@ void Grow(const FirstStageInput& input, const FirstStageOptions& options,
       Improve(options, PhaseTemperature(options), random, matching);
     }
   }
+}
+
+}  // namespace
+
+double LandmarkPenalty(double contradicted_fraction) {
+  return std::exp(kPenaltyRate * contradicted_fraction);
 }
 
 absl::StatusOr<std::vector<RankedMap>> RunFirstStage(
@@ -372,7 +380,7 @@ absl::StatusOr<std::vector<RankedMap>> RunFirstStage(
                           contender.seed * rounds.size() + r);
       Matching matching =
           Restore(input, contender.matches, rounds[r].matches, options.pinned);
-      Grow(input, options, rounds[r].matches, &random, stop, &matching);
+      Grow(input, options, {rounds[r].matches, stop}, &random, &matching);
       if (last) {
         Improve(options, /*temperature=*/0, &random, &matching);
         if (options.regrow_mirrored) {

@@ -103,14 +103,6 @@ struct RankedMap {
 /// as a factor; above 1.
 double LandmarkPenalty(double contradicted_fraction);
 
-/// Grows `matching` to `target` matches: insertion alternates between farthest
-/// points of X and of Y, and a phase of swapping follows every swap_interval
-/// insertions (paper, Sections 3.3.1 and 3.4). Stops early when a pool is used
-/// up or `stop` is requested.
-void Grow(const FirstStageInput& input, const FirstStageOptions& options,
-          int target, RandomStream* random, const std::stop_token& stop,
-          Matching* matching);
-
 /// The first stage (paper, Section 3.2): grows every seed, in rounds after each
 /// of which only the best go on, freezes those that reach the full size at
 /// temperature 0, and returns the best.

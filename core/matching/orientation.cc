@@ -42,15 +42,20 @@ struct Turns {
   double Score() const { return magnitude > 0 ? sum / magnitude : 0; }
 };
 
-void AddTurns(const Matching& matching, const PointFrames& frames_x,
-              const PointFrames& frames_y, int a, const std::vector<int>& near,
-              Turns* turns) {
+/// Those of the two shapes.
+struct FramesOfBoth {
+  const PointFrames& x;
+  const PointFrames& y;
+};
+
+void AddTurns(const Matching& matching, const FramesOfBoth& frames, int a,
+              const std::vector<int>& near, Turns* turns) {
   for (std::size_t i = 0; i < near.size(); ++i) {
     for (std::size_t j = 0; j < i; ++j) {
       const double product =
-          Turn(frames_x, matching.point(kX, a), matching.point(kX, near[i]),
+          Turn(frames.x, matching.point(kX, a), matching.point(kX, near[i]),
                matching.point(kX, near[j])) *
-          Turn(frames_y, matching.point(kY, a), matching.point(kY, near[i]),
+          Turn(frames.y, matching.point(kY, a), matching.point(kY, near[i]),
                matching.point(kY, near[j]));
       turns->sum += product;
       turns->magnitude += std::abs(product);
@@ -74,7 +79,7 @@ double OrientationScore(const Matching& matching, const PointFrames& frames_x,
                         const PointFrames& frames_y) {
   Turns turns;
   for (int a = 0; a < matching.size(); ++a) {
-    AddTurns(matching, frames_x, frames_y, a, NearestMatches(matching, a),
+    AddTurns(matching, {frames_x, frames_y}, a, NearestMatches(matching, a),
              &turns);
   }
   return turns.Score();
@@ -88,7 +93,7 @@ std::vector<double> LocalOrientations(const Matching& matching,
   for (int a = 0; a < matching.size(); ++a) {
     near.push_back(NearestMatches(matching, a));
     Turns turns;
-    AddTurns(matching, frames_x, frames_y, a, near.back(), &turns);
+    AddTurns(matching, {frames_x, frames_y}, a, near.back(), &turns);
     own.push_back(turns.Score());
   }
   std::vector<double> averaged = own;

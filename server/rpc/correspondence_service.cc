@@ -185,35 +185,33 @@ absl::Status Serialized(absl::Status (*answer)(const ServiceContext&,
 }  // namespace
 
 absl::StatusOr<Caller> CorrespondenceService::Read(
-    const Context& call, Role needed, const RawBounds& bounds, const Bytes* raw,
+    const Context& call, const Admitted& admitted, const Bytes* raw,
     google::protobuf::Message& request) const {
   const Bytes bytes = TakeBytes(raw);
   ISOMATCH_ASSIGN_OR_RETURN(Caller caller,
-                            context_.access->Identify(call, needed));
-  ISOMATCH_RETURN_IF_ERROR(ParseWithin(bounds, bytes, request));
+                            context_.access->Identify(call, admitted.role));
+  ISOMATCH_RETURN_IF_ERROR(ParseWithin(admitted.request, bytes, request));
   return caller;
 }
 
 template <typename Request, typename Response>
 grpc::ServerUnaryReactor* CorrespondenceService::Respond(
-    Context* call, Role needed, const RawBounds& bounds, const Bytes* raw,
-    Bytes* response,
+    Context* call, const Admitted& admitted, const Bytes* raw, Bytes* response,
     absl::Status (*answer)(const ServiceContext&, const Caller&, const Request&,
                            Response&)) {
   Request request;
-  const auto caller = Read(*call, needed, bounds, raw, request);
+  const auto caller = Read(*call, admitted, raw, request);
   if (!caller.ok()) return Finish(call, caller.status());
   return Finish(call, Serialized(answer, context_, *caller, request, response));
 }
 
 template <typename Request, typename Response>
 grpc::ServerUnaryReactor* CorrespondenceService::RespondInTurn(
-    Context* call, Role needed, const RawBounds& bounds, const Bytes* raw,
-    Bytes* response,
+    Context* call, const Admitted& admitted, const Bytes* raw, Bytes* response,
     absl::Status (*answer)(const ServiceContext&, const Caller&, const Request&,
                            Response&)) {
   Request request;
-  const auto caller = Read(*call, needed, bounds, raw, request);
+  const auto caller = Read(*call, admitted, raw, request);
   if (!caller.ok()) return Finish(call, caller.status());
   Unary* const reactor = call->DefaultReactor();
   auto task = [this, caller = *caller, request, answer, response, reactor] {
@@ -231,7 +229,7 @@ grpc::ServerUnaryReactor* CorrespondenceService::RespondInTurn(
 
 grpc::ServerUnaryReactor* CorrespondenceService::GetServerInfo(
     Context* call, const Bytes* request, Bytes* response) {
-  return Respond(call, Role::kRead, kSmallRequest, request, response, Inform);
+  return Respond(call, {Role::kRead, kSmallRequest}, request, response, Inform);
 }
 
 CorrespondenceService::Reader* CorrespondenceService::UploadMesh(
@@ -243,7 +241,7 @@ CorrespondenceService::Reader* CorrespondenceService::UploadMesh(
 
 grpc::ServerUnaryReactor* CorrespondenceService::FindMissingMeshes(
     Context* call, const Bytes* request, Bytes* response) {
-  return Respond(call, Role::kRead, kDigestsRequest, request, response,
+  return Respond(call, {Role::kRead, kDigestsRequest}, request, response,
                  FindMissing);
 }
 
@@ -258,13 +256,13 @@ grpc::ServerUnaryReactor* CorrespondenceService::CreateJob(Context* call,
 grpc::ServerUnaryReactor* CorrespondenceService::GetJob(Context* call,
                                                         const Bytes* request,
                                                         Bytes* response) {
-  return Respond(call, Role::kRead, kSmallRequest, request, response, Get);
+  return Respond(call, {Role::kRead, kSmallRequest}, request, response, Get);
 }
 
 CorrespondenceService::Writer* CorrespondenceService::WatchJob(
     Context* call, const Bytes* raw) {
   v1::WatchJobRequest request;
-  const auto caller = Read(*call, Role::kRead, kSmallRequest, raw, request);
+  const auto caller = Read(*call, {Role::kRead, kSmallRequest}, raw, request);
   if (!caller.ok()) return new Refused<Writer>(caller.status());
   return StartWatchJob(context_, *caller, request);
 }
@@ -272,27 +270,27 @@ CorrespondenceService::Writer* CorrespondenceService::WatchJob(
 grpc::ServerUnaryReactor* CorrespondenceService::ListJobs(Context* call,
                                                           const Bytes* request,
                                                           Bytes* response) {
-  return Respond(call, Role::kRead, kFilterRequest, request, response, List);
+  return Respond(call, {Role::kRead, kFilterRequest}, request, response, List);
 }
 
 grpc::ServerUnaryReactor* CorrespondenceService::CancelJob(Context* call,
                                                            const Bytes* request,
                                                            Bytes* response) {
-  return RespondInTurn(call, Role::kSubmit, kSmallRequest, request, response,
+  return RespondInTurn(call, {Role::kSubmit, kSmallRequest}, request, response,
                        Cancel);
 }
 
 grpc::ServerUnaryReactor* CorrespondenceService::DeleteJob(Context* call,
                                                            const Bytes* request,
                                                            Bytes* response) {
-  return RespondInTurn(call, Role::kSubmit, kSmallRequest, request, response,
+  return RespondInTurn(call, {Role::kSubmit, kSmallRequest}, request, response,
                        Delete);
 }
 
 CorrespondenceService::Writer* CorrespondenceService::DownloadResult(
     Context* call, const Bytes* raw) {
   v1::DownloadResultRequest request;
-  auto caller = Read(*call, Role::kRead, kSmallRequest, raw, request);
+  auto caller = Read(*call, {Role::kRead, kSmallRequest}, raw, request);
   if (!caller.ok()) return new Refused<Writer>(caller.status());
   return StartDownloadResult(context_, *std::move(caller), std::move(request));
 }

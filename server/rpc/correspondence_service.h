@@ -57,23 +57,30 @@ class CorrespondenceService final : public RawMethods {
   Writer* DownloadResult(Context* call, const Bytes* request) override;
 
  private:
+  /// What a call must be to be answered.
+  struct Admitted {
+    /// The least that the caller may do.
+    Role role;
+    RawBounds request;
+  };
+
   /// Returns who calls and parses the request; an error when the caller may not
   /// or the request is too large. Its bytes are gone then.
-  absl::StatusOr<Caller> Read(const Context& call, Role needed,
-                              const RawBounds& bounds, const Bytes* raw,
+  absl::StatusOr<Caller> Read(const Context& call, const Admitted& admitted,
+                              const Bytes* raw,
                               google::protobuf::Message& request) const;
 
   /// Ends the call with what `answer`, a function of ServiceContext, Caller,
   /// Request and Response, returns and fills in.
   template <typename Request, typename Response>
-  Unary* Respond(Context* call, Role needed, const RawBounds& bounds,
-                 const Bytes* raw, Bytes* response,
+  Unary* Respond(Context* call, const Admitted& admitted, const Bytes* raw,
+                 Bytes* response,
                  absl::Status (*answer)(const ServiceContext&, const Caller&,
                                         const Request&, Response&));
 
   /// The same when it is the tenant's turn, for what changes a job.
   template <typename Request, typename Response>
-  Unary* RespondInTurn(Context* call, Role needed, const RawBounds& bounds,
+  Unary* RespondInTurn(Context* call, const Admitted& admitted,
                        const Bytes* raw, Bytes* response,
                        absl::Status (*answer)(const ServiceContext&,
                                               const Caller&, const Request&,
