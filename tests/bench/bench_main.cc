@@ -7,6 +7,7 @@
 #include "core/pipeline/instruction_set.h"
 #include "tests/bench/accuracy.h"
 #include "tests/bench/option_overrides.h"
+#include "tests/bench/pair_set.h"
 #include "tests/bench/service_bench.h"
 #include "tests/bench/speed.h"
 
@@ -46,8 +47,11 @@ CLI::App* AddPairCommand(CLI::App* app, const char* name, const char* help,
   CLI::App* command = app->add_subcommand(name, help);
   command
       ->add_option("DATA_DIR", arguments->pairs.dir,
-                   "Folder with pairs.txt, NAME.off and gt_X__Y.txt")
+                   "Folder with pairs.txt, NAME.off or NAME.drc, and "
+                   "gt_X__Y.txt")
       ->required();
+  command->add_option("--pairs", arguments->pairs.list,
+                      "A list in place of DATA_DIR/pairs.txt");
   command->add_option("--filter", arguments->pairs.filter,
                       "Only pairs whose names contain this");
   command
@@ -110,9 +114,19 @@ CLI::App* AddServiceCommand(CLI::App* app, Arguments* arguments) {
   return command;
 }
 
-enum class Command { kAccuracy, kAblation, kSpeed, kService };
+void AddPackCommand(CLI::App* app, Arguments* arguments) {
+  CLI::App* command = app->add_subcommand(
+      "pack",
+      "Writes the shapes of a folder of pairs as Draco, as tests/data "
+      "has them");
+  command->add_option("DATA_DIR", arguments->pairs.dir, "As for accuracy")
+      ->required();
+  command->add_option("OUT", arguments->out, "Folder that gets the NAME.drc")
+      ->required();
+}
 
-absl::Status Run(const Arguments& arguments, Command command) {
+absl::Status Run(const Arguments& arguments, const std::string& command) {
+  if (command == "pack") return PackShapes(arguments.pairs.dir, arguments.out);
   MatchOptions options = MatchOptions::ForProfile(
       arguments.profile == "paper" ? Profile::kPaper : Profile::kDefault);
   if (const absl::Status status = ApplyOverrides(arguments.settings, &options);
@@ -124,13 +138,11 @@ absl::Status Run(const Arguments& arguments, Command command) {
       !status.ok()) {
     return status;
   }
-  if (command == Command::kAblation) {
-    return RunAblation(arguments.pairs, options);
-  }
-  if (command == Command::kService) {
+  if (command == "ablation") return RunAblation(arguments.pairs, options);
+  if (command == "service") {
     return RunService(arguments.service, options, arguments.out);
   }
-  if (command == Command::kSpeed) {
+  if (command == "speed") {
     return RunSpeed(arguments.speed, options, arguments.out);
   }
   return RunAccuracy(arguments.pairs, options, arguments.out);
@@ -148,15 +160,12 @@ int Main(int argc, char** argv) {
   for (CLI::App* const command : {accuracy, speed, service}) {
     command->add_option("--out", arguments.out, "The figures as JSON");
   }
-  const CLI::App* const ablation = AddPairCommand(
-      &app, "ablation", "The swapping ablation of the paper's Table 1",
-      &arguments);
+  AddPairCommand(&app, "ablation",
+                 "The swapping ablation of the paper's Table 1", &arguments);
+  AddPackCommand(&app, &arguments);
   CLI11_PARSE(app, argc, argv);
   const absl::Status status =
-      Run(arguments, ablation->parsed()  ? Command::kAblation
-                     : speed->parsed()   ? Command::kSpeed
-                     : service->parsed() ? Command::kService
-                                         : Command::kAccuracy);
+      Run(arguments, app.get_subcommands().front()->get_name());
   if (status.ok()) return 0;
   std::fprintf(stderr, "isomatch-bench: %s\n",
                std::string(status.message()).c_str());

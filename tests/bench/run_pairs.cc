@@ -91,7 +91,9 @@ double Mean(const std::vector<double>& values) {
 absl::StatusOr<std::vector<PairResult>> RunPairs(
     const PairSelection& pairs, const MatchOptions& options,
     const std::function<void(const PairResult&)>& done) {
-  ISOMATCH_ASSIGN_OR_RETURN(const auto names, ReadPairNames(pairs.dir));
+  const std::string list =
+      pairs.list.empty() ? pairs.dir + "/pairs.txt" : pairs.list;
+  ISOMATCH_ASSIGN_OR_RETURN(const auto names, ReadPairNames(list));
   MatchOptions with_stages = options;
   with_stages.keep_stage_maps = true;
   std::vector<PairResult> results;
@@ -110,8 +112,8 @@ absl::StatusOr<std::vector<PairResult>> RunPairs(
     results.push_back(std::move(result));
   }
   if (results.empty()) {
-    return absl::InvalidArgumentError("no pair in " + pairs.dir +
-                                      "/pairs.txt matches the filter");
+    return absl::InvalidArgumentError("no pair in " + list +
+                                      " matches the filter");
   }
   return results;
 }

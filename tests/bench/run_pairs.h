@@ -53,6 +53,7 @@ struct PairResult {
 /// Which pairs, and how.
 struct PairSelection {
   std::string dir;
+  std::string list;        ///< of pairs; empty: dir/pairs.txt
   std::string filter;      ///< only pairs whose names contain this
   int true_landmarks = 0;  ///< matches of its truth that each pair is given
   /// Meshes go through Draco first, as those that clients send.

@@ -313,7 +313,8 @@ absl::StatusOr<std::vector<PairSource>> SelectedPairs(
     }
     return pairs;
   }
-  ISOMATCH_ASSIGN_OR_RETURN(const auto names, ReadPairNames(selection.dir));
+  ISOMATCH_ASSIGN_OR_RETURN(const auto names,
+                            ReadPairNames(selection.dir + "/pairs.txt"));
   for (const auto& [x, y] : names) {
     if ((x + " " + y).find(selection.filter) == std::string::npos) continue;
     pairs.push_back(

@@ -3,24 +3,13 @@
 
 #include <fstream>
 #include <iostream>
-#include <string>
 #include <vector>
 
-#include "core/io/draco_mesh.h"
+#include "tests/support/draco_file.h"
 #include "tests/support/shapes.h"
 
 namespace isomatch {
 namespace {
-
-bool WriteDraco(const TriangleMesh& mesh, const char* path) {
-  const auto encoded = EncodeDraco(mesh);
-  if (!encoded.ok()) {
-    std::cerr << encoded.status() << "\n";
-    return false;
-  }
-  return static_cast<bool>(std::ofstream(path, std::ios::binary)
-                           << encoded->bytes);
-}
 
 int Main(int argc, char** argv) {
   if (argc != 4) return 2;
@@ -29,9 +18,10 @@ int Main(int argc, char** argv) {
       RandomPermutation(mesh_x.num_vertices(), /*seed=*/1);
   std::ofstream truth(argv[3]);
   for (const VertexIndex y : y_from_x) truth << y << "\n";
-  const bool written = WriteDraco(mesh_x, argv[1]) &&
-                       WriteDraco(Relabeled(mesh_x, y_from_x), argv[2]);
-  return written ? 0 : 1;
+  absl::Status status = WriteDracoFile(argv[1], mesh_x);
+  status.Update(WriteDracoFile(argv[2], Relabeled(mesh_x, y_from_x)));
+  if (!status.ok()) std::cerr << status << "\n";
+  return status.ok() ? 0 : 1;
 }
 
 }  // namespace

@@ -6,7 +6,6 @@
 
 #include <algorithm>
 #include <cstdlib>
-#include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <limits>
@@ -18,6 +17,7 @@
 #include <tbb/global_control.h>
 
 #include "core/evaluation/geodesic_error.h"
+#include "tests/support/draco_file.h"
 #include "tests/support/matchers.h"
 #include "tests/support/quick_options.h"
 #include "tests/support/shapes.h"
@@ -414,48 +414,21 @@ TEST(MatcherTest, StopsPromptlyInEveryStage) {
   }
 }
 
-/// The folder of real meshes, or empty.
-std::string DataDir() {
-  const char* const given = std::getenv("ISOMATCH_DATA");
-  const std::string dir = given != nullptr ? given : ISOMATCH_SHARED_DATA;
-  return std::filesystem::exists(dir + "/pairs.txt") ? dir : "";
-}
-
-/// OFF files of triangles, as the data folder has them.
-TriangleMesh ReadPlainOff(const std::string& path) {
-  std::ifstream file(path);
-  std::string magic;
-  int n = 0;
-  int m = 0;
-  int edges = 0;
-  file >> magic >> n >> m >> edges;
-  TriangleMesh mesh;
-  mesh.positions.resize(n, 3);
-  mesh.faces.resize(m, 3);
-  for (Eigen::Index i = 0; i < mesh.positions.size(); ++i) {
-    file >> mesh.positions.data()[i];
-  }
-  int corners = 0;
-  for (int f = 0; f < m; ++f) {
-    file >> corners >> mesh.faces(f, 0) >> mesh.faces(f, 1) >> mesh.faces(f, 2);
-  }
-  return mesh;
-}
-
 TEST(RealMeshTest, TwoPosesOfABodyAreMatchedTheRightWayRound) {
-  const std::string dir = DataDir();
-  if (dir.empty()) {
-    GTEST_SKIP() << "no real meshes: set ISOMATCH_DATA to a folder with "
-                    "pairs.txt";
-  }
-  const TriangleMesh x = ReadPlainOff(dir + "/r1k_m_rest.off");
-  const TriangleMesh y = ReadPlainOff(dir + "/r1k_m_sit.off");
-  VertexMap truth(x.num_vertices());
+  const char* const given = std::getenv("ISOMATCH_DATA");
+  const std::string dir = given != nullptr ? given : ISOMATCH_TEST_DATA;
+  const auto mesh_x = ReadDracoFile(dir + "/r1k_m_rest.drc");
+  ASSERT_THAT(mesh_x, IsOk());
+  const auto mesh_y = ReadDracoFile(dir + "/r1k_m_sit.drc");
+  ASSERT_THAT(mesh_y, IsOk());
+  VertexMap truth(mesh_x->num_vertices());
   std::ifstream file(dir + "/gt_r1k_m_rest__r1k_m_sit.txt");
-  for (VertexIndex& v : truth) file >> v;
-  const auto found = Match(x, y, {}, {});
+  for (VertexIndex& y : truth) file >> y;
+  ASSERT_TRUE(file) << dir;
+  const auto found = Match(*mesh_x, *mesh_y, {}, {});
   ASSERT_THAT(found, IsOk());
-  const auto error = GeodesicErrorMeter(y).Measure(found->y_from_x, truth);
+  const auto error =
+      GeodesicErrorMeter(*mesh_y).Measure(found->y_from_x, truth);
   ASSERT_THAT(error, IsOk());
   EXPECT_LT(error->mean_over_diameter, 0.02);
   EXPECT_GT(found->scores.orientation_score, 0.5);
