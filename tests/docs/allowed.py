@@ -51,6 +51,15 @@ def check_apt(words):
             for name in packages if name not in known]  # fmt: skip
 
 
+def check_fetch_sets(words):
+    """Sets are those of tests/bench/public_sets.py, flags those of scripts/bench."""
+    sets = re.findall(r'^    "(\w+)": PublicSet', read("tests/bench/public_sets.py"), re.MULTILINE)
+    named = [word for word in words[4:] if not word.startswith("-")]
+    return programs.check_script(words) + [
+        f"fetch-sets knows no set {name}" for name in named if name not in sets
+    ]
+
+
 def check_unit(words):
     unit = ROOT / f"docker/debian/{words[-1]}.service.in"
     return [] if unit.is_file() else [f"docker/debian has no unit {words[-1]}"]
@@ -177,8 +186,8 @@ ALLOWED = [
     Allowed("scripts/test", "builds everything and runs this test", programs.check_script),
     Allowed("scripts/setup", "installs Debian packages", programs.check_script),
     Allowed("scripts/package", "builds the Debian packages", programs.check_script),
+    Allowed("scripts/bench fetch-sets", "needs clones of other repositories", check_fetch_sets),
     Allowed("scripts/bench", "measures for minutes", programs.check_bench),
-    Allowed("tests/bench/make_resolution_pairs.py", "needs a data set", programs.check_script),
     Allowed("docker/build", "needs docker, podman or buildah", programs.check_script),
     Allowed("docker/smoke-test", "needs root and the Debian mirror", programs.check_script),
     Allowed("docker/debian/smoke-test", "needs root and the Debian mirror", programs.check_script),

@@ -39,6 +39,8 @@ FAULTS = {
     "scripts/demo --none": "scripts/demo knows no --none",
     "scripts/test --preset none": "no none among the testPresets",
     "scripts/bench none": "scripts/bench has no command none",
+    "scripts/bench fetch-sets SNAPSHOTS OUT none": "fetch-sets knows no set none",
+    "scripts/bench fetch-sets SNAPSHOTS OUT --none": "scripts/bench knows no --none",
     "scripts/bench speed --none": "scripts/bench speed knows no --none",
     "cmake --preset none": "no none among the configurePresets",
     "cmake --build --preset soak": "no soak among the buildPresets",
