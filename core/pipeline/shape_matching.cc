@@ -87,11 +87,20 @@ absl::Status PrepareShapes(const ShapesToPrepare& shapes,
   return status;
 }
 
+/// What is asked for of two shapes.
+struct Request {
+  absl::Span<const Landmark> landmarks;
+  const MatchOptions& options;
+  const ProgressCallback& progress;
+  const std::stop_token& stop;
+};
+
 /// Each part is prepared when its turn comes.
-absl::StatusOr<Correspondence> MatchInParts(
-    const PreparedShape& x, const PreparedShape& y,
-    absl::Span<const Landmark> landmarks, const MatchOptions& options,
-    const ProgressCallback& progress, const std::stop_token& stop) {
+absl::StatusOr<Correspondence> MatchInParts(const PreparedShape& x,
+                                            const PreparedShape& y,
+                                            const Request& request) {
+  const MatchOptions& options = request.options;
+  const std::stop_token& stop = request.stop;
   const std::array<const PreparedShape::Contents*, 2> shapes = {&x.contents(),
                                                                 &y.contents()};
   std::array<MeshParts, 2> split;  // of one that was prepared as a whole
@@ -120,17 +129,16 @@ absl::StatusOr<Correspondence> MatchInParts(
     return RunMatch(prepared[kX], &prepared[kX], prepared[kY], known, options,
                     &reporter, stop);
   };
-  return MatchByParts(*shapes[kX]->mesh, *parts[kX], *parts[kY], landmarks,
-                      match_one, progress, stop);
+  return MatchByParts(*shapes[kX]->mesh, *parts[kX], *parts[kY],
+                      request.landmarks, match_one, request.progress, stop);
 }
 
 /// As one, whatever components they have.
 absl::StatusOr<Correspondence> MatchWhole(PreparedShape& x, PreparedShape& y,
-                                          absl::Span<const Landmark> landmarks,
-                                          const MatchOptions& options,
-                                          const ProgressCallback& progress,
-                                          const std::stop_token& stop) {
-  ProgressReporter reporter(progress, StagePlan(options));
+                                          const Request& request) {
+  const MatchOptions& options = request.options;
+  const std::stop_token& stop = request.stop;
+  ProgressReporter reporter(request.progress, StagePlan(options));
   // Of a shape that was split, to meet one of more parts than are matched one
   // by one.
   std::array<PreparedMesh, 2> anew;
@@ -150,8 +158,8 @@ absl::StatusOr<Correspondence> MatchWhole(PreparedShape& x, PreparedShape& y,
   }
   ISOMATCH_RETURN_IF_ERROR(
       CheckDecimated(SizesOf(*whole_x), SizesOf(*whole_y), options));
-  return RunMatch(*whole_x, own_x, *whole_y, landmarks, options, &reporter,
-                  stop);
+  return RunMatch(*whole_x, own_x, *whole_y, request.landmarks, options,
+                  &reporter, stop);
 }
 
 /// The last word on a whole map, whatever parts it was found in.
@@ -204,11 +212,12 @@ absl::StatusOr<Correspondence> MatchPreparedHere(
     std::stop_token stop) {
   const auto most = static_cast<std::size_t>(
       std::max(x.contents().large_components, y.contents().large_components));
+  const Request request = {landmarks, options, progress, stop};
   absl::StatusOr<Correspondence> result = absl::InternalError("not run");
   RunWithThreads(options.threads, [&] {
     result = options.match_components && MatchedByParts(most)
-                 ? MatchInParts(x, y, landmarks, options, progress, stop)
-                 : MatchWhole(x, y, landmarks, options, progress, stop);
+                 ? MatchInParts(x, y, request)
+                 : MatchWhole(x, y, request);
   });
   if (result.ok()) Judge(&*result);
   return result;

@@ -29,13 +29,11 @@ TOLERATED_PARAMETERS = {
     "core/evaluation": {"MeasureMap"},
     "core/matching": {"RunSecondStage", "SwapWorst"},
     "core/mesh": {"EmbedInCoarse"},
-    "core/pipeline": {"Match", "MatchByParts", "MatchClean", "MatchHere", "MatchParts",
-                      "MatchPrepared", "MatchPreparedHere", "MatchRun", "RunMatch"},
+    "core/pipeline": {"Match", "MatchByParts", "MatchPrepared", "MatchPreparedHere",
+                      "MatchRun", "RunMatch"},
     "core/spectral": {"ZoomOut"},
     # The tenant, and what its request may hold, are to go with the ParseContext.
     "server/convert": {"FindBytes"},
-    # The engine, the job, its progress and its stop token are one run.
-    "server/jobs": {"Complete"},
 }
 # Classes in several files of more lines together, which want to be several classes.
 TOLERATED_CLASSES = {"JobManager"}
