@@ -25,6 +25,9 @@ constexpr double kTolerance = 1e-6;
 /// come ever nearer, round and round. Sound meshes take 1 to 3.
 constexpr std::int64_t kMostEntries = 64;
 
+/// Entries a vertex of one bucket beyond which those that were corrected go.
+constexpr std::size_t kCrowded = 2;
+
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 /// Distance of the target when the front crosses its stencil's base; infinite
@@ -64,8 +67,26 @@ void DistanceFieldSolver::Push(VertexIndex vertex, double distance,
       position < static_cast<double>(last)
           ? std::max(bucket, static_cast<std::int64_t>(position))
           : last;
-  workspace->buckets[wanted % kBuckets].emplace_back(distance, vertex);
+  auto& entries = workspace->buckets[wanted % kBuckets];
+  if (wanted != bucket && IsCrowded(entries)) Thin(0, &entries, workspace);
+  entries.emplace_back(distance, vertex);
   ++workspace->entries;
+}
+
+bool DistanceFieldSolver::IsCrowded(const std::vector<Entry>& entries) const {
+  return entries.size() > kCrowded * static_cast<std::size_t>(num_vertices());
+}
+
+void DistanceFieldSolver::Thin(std::size_t done, std::vector<Entry>* entries,
+                               Workspace* workspace) {
+  const auto begin = entries->begin() + static_cast<std::ptrdiff_t>(done);
+  entries->erase(std::remove_if(begin, entries->end(),
+                                [&](const Entry& entry) {
+                                  return entry.first >
+                                         workspace->distances[entry.second];
+                                }),
+                 entries->end());
+  entries->erase(entries->begin(), begin);
 }
 
 void DistanceFieldSolver::Relax(VertexIndex support, double distance,
@@ -120,6 +141,11 @@ void DistanceFieldSolver::Propagate(VertexIndex source, const Visitor& visit,
     empty_in_a_row = entries.empty() ? empty_in_a_row + 1 : 0;
     // Relaxing may append to this bucket while it is worked off.
     for (std::size_t i = 0; i < entries.size(); ++i) {
+      if (IsCrowded(entries)) {
+        Thin(i, &entries, workspace);
+        if (entries.empty()) break;
+        i = 0;
+      }
       const auto [distance, vertex] = entries[i];  // a copy: it may move
       if (distance > workspace->distances[vertex]) continue;  // corrected
       if (distance / bucket_width_ >= static_cast<double>(bucket + 1)) {

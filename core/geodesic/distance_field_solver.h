@@ -35,12 +35,14 @@ class DistanceFieldSolver {
   explicit DistanceFieldSolver(const TriangleMesh& mesh,
                                std::stop_token stop = {});
 
+  /// A distance, and the vertex that has it.
+  using Entry = std::pair<double, VertexIndex>;
+
   /// Scratch memory of one thread, about 80 bytes a vertex. May serve any
   /// solver.
   class Workspace {
    private:
     friend class DistanceFieldSolver;
-    using Entry = std::pair<double, VertexIndex>;
     std::vector<double> distances;
     std::vector<VertexIndex> touched;
     std::vector<std::vector<Entry>> buckets;
@@ -79,6 +81,13 @@ class DistanceFieldSolver {
   void Push(VertexIndex vertex, double distance, std::int64_t bucket,
             Workspace* workspace) const;
   void Reset(Workspace* workspace) const;
+  /// A bucket has more entries than there can be without corrections: round a
+  /// vertex of very many faces each correction of it corrects them all.
+  bool IsCrowded(const std::vector<Entry>& entries) const;
+  /// Leaves those after the first `done` that hold still, at most one a vertex,
+  /// in order.
+  static void Thin(std::size_t done, std::vector<Entry>* entries,
+                   Workspace* workspace);
 
   WavefrontStencils stencils_;
   std::stop_token stop_;

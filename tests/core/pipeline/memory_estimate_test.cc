@@ -9,6 +9,7 @@
 #include "core/pipeline/match_options.h"
 #include "core/pipeline/matcher.h"
 #include "core/pipeline/memory_estimate.h"
+#include "tests/support/extreme_meshes.h"
 #include "tests/support/matchers.h"
 #include "tests/support/memory_growth.h"
 #include "tests/support/shapes.h"
@@ -44,6 +45,23 @@ INSTANTIATE_TEST_SUITE_P(Sizes, MemoryEstimateTest,
                                          std::pair{Profile::kDefault, 5},
                                          std::pair{Profile::kPaper, 3},
                                          std::pair{Profile::kPaper, 5}));
+
+// Two vertices of it are in all 2,684 faces: each correction of one of them
+// corrects all others, 2.7 million times until the distances are found.
+TEST(MemoryEstimateBookTest, CorrectedDistancesDoNotPileUp) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  GTEST_SKIP() << "sanitizers change what a process allocates";
+#endif
+  constexpr std::uint64_t kPair = 3662905528 + 2 * 7488;
+  const TriangleMesh x = RandomExtremeMesh(kPair).mesh;
+  const TriangleMesh y = RandomExtremeMesh(kPair + 1).mesh;
+  MatchOptions options;
+  options.threads = 1;
+  const MemoryGrowth growth;
+  ASSERT_THAT(Match(x, y, {}, options), IsOk());
+  EXPECT_LE(growth.Bytes(),
+            EstimateMemoryBytes(SizeOf(x), SizeOf(y), 0, options) * 2 / 3);
+}
 
 /// Of a pair of closed meshes of n vertices each.
 double EstimateOf(std::int64_t n, const MatchOptions& options) {
