@@ -145,7 +145,7 @@ absl::Status BatchRunner::Match(const BatchPair& pair, std::size_t index,
   MatchRequest request;
   std::vector<std::string> warnings;
   ISOMATCH_ASSIGN_OR_RETURN(
-      const TriangleMesh file_y,
+      const FileOfY file_y,
       ReadMatchFiles({pair.x, pair.y, pair.landmarks, options_.job.weld},
                      &request, &warnings));
   SetJobOptions(options_.job, &request);
@@ -171,7 +171,7 @@ absl::Status BatchRunner::Match(const BatchPair& pair, std::size_t index,
            Wait(&backoff));
   if (!result.ok() && stop.stop_requested()) return Stopped();
   if (!result.ok()) return InFlagWords(result.status());
-  return record->Save(*result, file_y, warnings);
+  return record->Save(*result, file_y.mesh, warnings);
 }
 
 bool BatchRunner::Wait(Backoff* backoff) {

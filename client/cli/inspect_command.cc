@@ -73,8 +73,9 @@ absl::StatusOr<InspectionReport> Inspect(
                             LoadMeshFile(path, "MESH", weld));
   InspectionReport report;
   report.path = path;
+  report.format = std::move(loaded.format);
   report.reading = std::move(loaded.warnings);
-  ISOMATCH_ASSIGN_OR_RETURN(report.mesh, InspectMesh(path, loaded.mesh));
+  report.mesh = InspectMesh(loaded.mesh);
   ISOMATCH_ASSIGN_OR_RETURN(report.cost, EstimateCost(loaded.mesh, server));
   return report;
 }

@@ -3,6 +3,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <CLI/CLI.hpp>
@@ -115,6 +116,19 @@ std::string FormatSummary(const MatchResult& result) {
       result.info.quality().coverage());
 }
 
+// Keeps the colors of Y where a map is to have them.
+void SetColors(const MatchArguments& arguments,
+               absl::StatusOr<std::optional<Colors>> colors, MeshFacts* facts) {
+  if (!NeedColors(arguments.outputs)) return;
+  if (colors.ok()) {
+    facts->colors_y = *std::move(colors);
+  } else {
+    facts->warnings.push_back(
+        absl::StrCat("Y has the colors of places: its own cannot be read: ",
+                     colors.status().message()));
+  }
+}
+
 absl::Status RunMatch(const MatchArguments& arguments,
                       const Terminal& terminal) {
   ISOMATCH_RETURN_IF_ERROR(CheckOutputs(
@@ -132,23 +146,12 @@ absl::Status RunMatch(const MatchArguments& arguments,
   MatchRequest request;
   std::vector<std::string> warnings;
   ISOMATCH_ASSIGN_OR_RETURN(
-      const TriangleMesh file_y,
-      ReadMatchFiles(
-          {arguments.x, arguments.y, arguments.landmarks, arguments.job.weld},
-          &request, &warnings));
+      FileOfY file_y, ReadMatchFiles({arguments.x, arguments.y,
+                                      arguments.landmarks, arguments.job.weld},
+                                     &request, &warnings));
   MeshFacts facts = {
-      .mesh_x = &request.mesh_x, .mesh_y = &file_y, .warnings = warnings};
-  if (NeedColors(arguments.outputs)) {
-    absl::StatusOr<std::optional<Colors>> colors =
-        ReadVertexColors(arguments.y, request.mesh_y.num_vertices());
-    if (colors.ok()) {
-      facts.colors_y = *std::move(colors);
-    } else {
-      facts.warnings.push_back(
-          absl::StrCat("Y has the colors of places: its own cannot be read: ",
-                       colors.status().message()));
-    }
-  }
+      .mesh_x = &request.mesh_x, .mesh_y = &file_y.mesh, .warnings = warnings};
+  SetColors(arguments, std::move(file_y.colors), &facts);
   SetJobOptions(arguments.job, &request);
   if (!server) request.threads = ThreadsHere(request.threads);
   request.parts = PartsFor(arguments.outputs);

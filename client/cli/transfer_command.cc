@@ -83,6 +83,9 @@ struct Inputs {
   TriangleMesh mesh_y;
   /// What --weld made of it.
   TriangleMesh welded_y;
+  /// As LoadedMesh has them.
+  absl::StatusOr<std::optional<Colors>> colors_y;
+  absl::StatusOr<std::optional<MeshTexture>> texture_y;
   PlacesOnY places;
   int unmatched = 0;
 };
@@ -134,6 +137,8 @@ absl::StatusOr<Inputs> ReadInputs(const TransferArguments& arguments,
   inputs.mesh_x = x.WithFileFaces();
   inputs.mesh_y = y.WithFileFaces();
   inputs.welded_y = std::move(y.mesh);
+  inputs.colors_y = std::move(y.colors);
+  inputs.texture_y = std::move(y.texture);
   ISOMATCH_ASSIGN_OR_RETURN(
       inputs.places,
       ReadPlaces(arguments.map, inputs.mesh_x.num_vertices(), inputs.mesh_y));
@@ -187,11 +192,10 @@ absl::Status NothingToCarry(const TransferArguments& arguments,
 absl::StatusOr<Outcome> CarryLooks(const TransferArguments& arguments,
                                    const Inputs& inputs,
                                    const Terminal& terminal) {
-  ISOMATCH_ASSIGN_OR_RETURN(
-      const std::optional<Colors> colors_y,
-      ReadVertexColors(arguments.y, inputs.mesh_y.num_vertices()));
-  ISOMATCH_ASSIGN_OR_RETURN(const std::optional<MeshTexture> texture_y,
-                            ReadObjTexture(arguments.y, inputs.mesh_y));
+  ISOMATCH_RETURN_IF_ERROR(inputs.colors_y.status());
+  ISOMATCH_RETURN_IF_ERROR(inputs.texture_y.status());
+  const std::optional<Colors>& colors_y = *inputs.colors_y;
+  const std::optional<MeshTexture>& texture_y = *inputs.texture_y;
   const bool is_obj = LowerExtension(arguments.output) == ".obj";
   if (!colors_y && !(texture_y && is_obj)) {
     return NothingToCarry(arguments, texture_y.has_value());

@@ -147,19 +147,17 @@ void Say(const Terminal& terminal, const std::string& what) {
   }
 }
 
-absl::StatusOr<NamedMesh> LoadNamedMesh(const std::string& path,
-                                        const std::string& field,
-                                        const std::string& weld,
-                                        std::vector<std::string>& warnings,
-                                        TriangleMesh* welded = nullptr) {
+/// Reads a mesh into `view`, with its warnings.
+absl::StatusOr<LoadedMesh> LoadShown(const std::string& path,
+                                     const std::string& field,
+                                     const std::string& weld, NamedMesh& shown,
+                                     PairView& view) {
   ISOMATCH_ASSIGN_OR_RETURN(LoadedMesh loaded, LoadMeshFile(path, field, weld));
   for (const std::string& warning : loaded.warnings) {
-    warnings.push_back(absl::StrCat(field, ": ", warning));
+    view.warnings.push_back(absl::StrCat(field, ": ", warning));
   }
-  NamedMesh named = {fs::path(path).filename().string(),
-                     loaded.WithFileFaces()};
-  if (welded != nullptr) *welded = std::move(loaded.mesh);
-  return named;
+  shown = {fs::path(path).filename().string(), loaded.WithFileFaces()};
+  return loaded;
 }
 
 absl::Status AddError(const ViewArguments& arguments, const Terminal& terminal,
@@ -185,15 +183,16 @@ absl::Status AddReport(const std::string& path, PairView& view) {
                                         view.y.mesh.num_vertices()));
   view.figures.insert(view.figures.end(), report.tables.begin(),
                       report.tables.end());
+  // They repeat the meshes' warnings.
   view.warnings = std::move(report.warnings);
   return absl::OkStatus();
 }
 
 absl::StatusOr<std::vector<Rgb>> FileColors(const std::string& path,
                                             const std::string& field,
-                                            VertexIndex vertices) {
-  ISOMATCH_ASSIGN_OR_RETURN(const std::optional<Colors> colors,
-                            ReadVertexColors(path, vertices));
+                                            const LoadedMesh& loaded) {
+  ISOMATCH_RETURN_IF_ERROR(loaded.colors.status());
+  const std::optional<Colors>& colors = *loaded.colors;
   if (!colors) {
     return absl::InvalidArgumentError(
         absl::StrCat(field, ": '", path,
@@ -210,13 +209,12 @@ absl::StatusOr<std::vector<Rgb>> FileColors(const std::string& path,
 absl::StatusOr<PairView> Load(const ViewArguments& arguments,
                               const Terminal& terminal) {
   PairView view;
-  std::vector<std::string> warnings;
   ISOMATCH_ASSIGN_OR_RETURN(
-      view.x, LoadNamedMesh(arguments.x, "X", arguments.weld, warnings));
-  TriangleMesh welded_y;
+      const LoadedMesh x,
+      LoadShown(arguments.x, "X", arguments.weld, view.x, view));
   ISOMATCH_ASSIGN_OR_RETURN(
-      view.y,
-      LoadNamedMesh(arguments.y, "Y", arguments.weld, warnings, &welded_y));
+      const LoadedMesh y,
+      LoadShown(arguments.y, "Y", arguments.weld, view.y, view));
   const TriangleMesh& mesh_x = view.x.mesh;
   const TriangleMesh& mesh_y = view.y.mesh;
   ISOMATCH_ASSIGN_OR_RETURN(
@@ -229,14 +227,10 @@ absl::StatusOr<PairView> Load(const ViewArguments& arguments,
                    : arguments.title;
   view.colors_y = PlaceColors(mesh_y.positions);
   if (arguments.file_colors) {
-    ISOMATCH_ASSIGN_OR_RETURN(
-        view.colors_x, FileColors(arguments.x, "X", mesh_x.num_vertices()));
-    ISOMATCH_ASSIGN_OR_RETURN(
-        view.colors_y, FileColors(arguments.y, "Y", mesh_y.num_vertices()));
+    ISOMATCH_ASSIGN_OR_RETURN(view.colors_x, FileColors(arguments.x, "X", x));
+    ISOMATCH_ASSIGN_OR_RETURN(view.colors_y, FileColors(arguments.y, "Y", y));
   }
   view.rotation = ViewRotation(mesh_x, mesh_y, UpAxis(arguments.up));
-  // A report repeats the meshes' warnings.
-  view.warnings = std::move(warnings);
   if (!arguments.report.empty()) {
     ISOMATCH_RETURN_IF_ERROR(AddReport(arguments.report, view));
   }
@@ -249,8 +243,7 @@ absl::StatusOr<PairView> Load(const ViewArguments& arguments,
     view.layers.push_back(ConfidenceLayer(pair, std::move(confidence)));
   }
   if (!arguments.truth.empty()) {
-    ISOMATCH_RETURN_IF_ERROR(
-        AddError(arguments, terminal, pair, welded_y, view));
+    ISOMATCH_RETURN_IF_ERROR(AddError(arguments, terminal, pair, y.mesh, view));
   }
   view.figures.insert(view.figures.begin(), MapFigures(view));
   return view;

@@ -1,14 +1,17 @@
 #include "client/files/mesh_file.h"
 
+#include <array>
 #include <cstddef>
-#include <cstdint>
+#include <filesystem>
 #include <limits>
-#include <optional>
+#include <tuple>
 #include <utility>
 
+#include "absl/algorithm/container.h"
+#include "absl/functional/function_ref.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/string_view.h"
-#include "client/files/mesh_fault.h"
+#include "absl/types/span.h"
 #include "client/files/obj_reader.h"
 #include "client/files/off_reader.h"
 #include "client/files/ply_file.h"
@@ -16,7 +19,6 @@
 #include "client/files/polygon_soup.h"
 #include "client/files/stl_reader.h"
 #include "client/files/text_file.h"
-#include "client/files/triangulation.h"
 #include "core/base/status_macros.h"
 #include "core/io/draco_mesh.h"
 
@@ -25,22 +27,25 @@ namespace {
 
 constexpr char kExpected[] = "a mesh in an .off, .obj, .ply or .stl file";
 
-// What each format has, for the message when a file is refused.
-const char* Grammar(const std::string& extension) {
-  if (extension == ".off") {
-    return "OFF, the counts, one vertex `x y z` a line, then one face `3 a b "
-           "c` a line, 0-based and below the number of vertices";
-  }
-  if (extension == ".obj") {
-    return "lines `v x y z` and `f a b c`, 1-based and up to the number of "
-           "vertices";
-  }
-  if (extension == ".ply") {
-    return "element vertex with x, y, z and element face with list "
-           "vertex_indices";
-  }
-  return "triangles as ascii or binary STL has them";
-}
+struct Format {
+  absl::string_view extension;
+  /// What it has, for the message when a file is refused.
+  const char* grammar;
+  std::optional<MeshFault> (*read)(absl::string_view bytes, PolygonSoup* soup);
+};
+
+constexpr auto kFormats = std::to_array<Format>(
+    {{".off",
+      "OFF, the counts, one vertex `x y z` a line, then one face `3 a b c` a "
+      "line, 0-based and below the number of vertices",
+      ReadOffSoup},
+     {".obj",
+      "lines `v x y z` and `f a b c`, 1-based and up to the number of vertices",
+      ReadObjSoup},
+     {".ply",
+      "element vertex with x, y, z and element face with list vertex_indices",
+      ReadPlySoup},
+     {".stl", "triangles as ascii or binary STL has them", ReadStlSoup}});
 
 absl::Status WithSubject(const std::string& subject,
                          const absl::Status& status) {
@@ -48,65 +53,54 @@ absl::Status WithSubject(const std::string& subject,
                       absl::StrCat(subject, ": ", status.message()));
 }
 
-absl::Status CheckExtension(const std::string& subject,
-                            const std::string& extension) {
-  for (const char* known : {".off", ".obj", ".ply", ".stl"}) {
-    if (extension == known) return absl::OkStatus();
-  }
-  return absl::InvalidArgumentError(absl::StrCat(
-      subject, ": the extension is '", extension, "', expected ", kExpected));
-}
-
 absl::Status FaultError(const std::string& subject, const MeshFault& fault) {
   return absl::InvalidArgumentError(absl::StrCat(
       subject, fault.place.empty() ? "" : ", ", fault.place, ": ", fault.what));
 }
 
-// Reads points and polygons, each number checked.
-absl::Status ReadSoup(const std::string& subject, const std::string& extension,
-                      absl::string_view bytes, PolygonSoup* soup,
-                      std::vector<std::string>* warnings) {
-  std::optional<MeshFault> fault;
-  if (extension == ".off") {
-    fault = ReadOffSoup(bytes, soup);
-  } else if (extension == ".obj") {
-    fault = ReadObjSoup(bytes, soup, warnings);
-  } else if (extension == ".ply") {
-    fault = ReadPlySoup(bytes, soup);
-  } else {
-    fault = ReadStlSoup(bytes, soup);
-  }
-  return fault ? FaultError(subject, *fault) : absl::OkStatus();
-}
-
-absl::Status CheckSoup(const PolygonSoup& soup, const std::string& extension) {
+absl::Status CheckSoup(const PolygonSoup& soup, const char* grammar) {
+  constexpr std::size_t kMost = std::numeric_limits<VertexIndex>::max();
   if (soup.points.empty()) {
     return absl::InvalidArgumentError(
-        absl::StrCat("no vertices, expected ", Grammar(extension)));
+        absl::StrCat("no vertices, expected ", grammar));
   }
-  if (soup.polygons.empty()) {
+  if (soup.sizes.empty()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("vertices but no faces, expected a surface: ", grammar));
+  }
+  if (soup.points.size() <= kMost && soup.corners.size() <= kMost) {
+    return absl::OkStatus();
+  }
+  return absl::InvalidArgumentError(
+      absl::StrCat(soup.points.size(), " vertices and ", soup.corners.size(),
+                   " corners of faces, expected fewer than 2^31 of each"));
+}
+
+// Reads what a file has, each number checked.
+absl::StatusOr<PolygonSoup> ReadSoup(const std::string& path,
+                                     const std::string& field) {
+  const std::string subject = absl::StrCat(field, ": '", path, "'");
+  if (const absl::Status status = CheckInputFile(path, kExpected);
+      !status.ok()) {
+    return WithSubject(field, status);
+  }
+  const std::string extension = LowerExtension(path);
+  const auto format = absl::c_find_if(kFormats, [&](const Format& known) {
+    return known.extension == extension;
+  });
+  if (format == kFormats.end()) {
     return absl::InvalidArgumentError(absl::StrCat(
-        "vertices but no faces, expected a surface: ", Grammar(extension)));
+        subject, ": the extension is '", extension, "', expected ", kExpected));
   }
-  if (soup.points.size() > std::numeric_limits<VertexIndex>::max()) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        soup.points.size(), " vertices, expected fewer than 2^31"));
+  const absl::StatusOr<std::string> bytes = ReadFile(path, kExpected);
+  if (!bytes.ok()) return WithSubject(field, bytes.status());
+  PolygonSoup soup;
+  if (const auto fault = format->read(*bytes, &soup)) {
+    return FaultError(subject, *fault);
   }
-  for (std::size_t f = 0; f < soup.polygons.size(); ++f) {
-    const std::vector<std::size_t>& polygon = soup.polygons[f];
-    if (polygon.size() < 3) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("face ", f, " (0-based) has ", polygon.size(),
-                       " corners, expected 3 or more"));
-    }
-    for (const std::size_t v : polygon) {
-      if (v < soup.points.size()) continue;
-      return absl::InvalidArgumentError(absl::StrCat(
-          "face ", f, " (0-based) names vertex ", static_cast<std::int64_t>(v),
-          " (0-based), expected 0 to ", soup.points.size() - 1));
-    }
-  }
-  return absl::OkStatus();
+  const absl::Status status = CheckSoup(soup, format->grammar);
+  if (!status.ok()) return WithSubject(subject, status);
+  return soup;
 }
 
 // Coordinates travel in single precision.
@@ -121,65 +115,91 @@ absl::Status CheckSinglePrecision(const Positions& positions) {
   return absl::OkStatus();
 }
 
-Positions ToPositions(const PolygonSoup& soup) {
-  Positions positions(static_cast<Eigen::Index>(soup.points.size()), 3);
-  for (std::size_t v = 0; v < soup.points.size(); ++v) {
-    for (int axis = 0; axis < 3; ++axis) {
-      positions(static_cast<Eigen::Index>(v), axis) =
-          soup.points[v][static_cast<std::size_t>(axis)];
-    }
-  }
-  return positions;
+// The rows of a matrix, which has as many columns as each array entries.
+template <typename Matrix, typename Row>
+Matrix ToMatrix(const std::vector<Row>& rows) {
+  return Eigen::Map<const Matrix>(rows.data()->data(),
+                                  static_cast<Eigen::Index>(rows.size()),
+                                  std::tuple_size_v<Row>);
 }
 
-Faces Triangulate(const PolygonSoup& soup, const Positions& positions) {
-  const std::vector<CutTriangle> triangles =
-      CutPolygons(soup.polygons, positions);
-  Faces faces(static_cast<Eigen::Index>(triangles.size()), 3);
-  for (std::size_t t = 0; t < triangles.size(); ++t) {
-    const std::vector<std::size_t>& polygon =
-        soup.polygons[triangles[t].polygon];
-    for (std::size_t i = 0; i < 3; ++i) {
-      faces(static_cast<Eigen::Index>(t), static_cast<Eigen::Index>(i)) =
-          static_cast<VertexIndex>(polygon[triangles[t].corners[i]]);
+// The corner from which a fan cuts the polygon whose corners these are: the
+// first, or the second when a quadrilateral's other diagonal is shorter.
+std::size_t FanStart(absl::Span<const VertexIndex> polygon,
+                     const Positions& positions) {
+  if (polygon.size() != 4) return 0;
+  const auto squared = [&](std::size_t a, std::size_t b) {
+    return (positions.row(polygon[a]) - positions.row(polygon[b]))
+        .squaredNorm();
+  };
+  return squared(1, 3) < squared(0, 2) ? 1 : 0;
+}
+
+// Calls `use` with each triangle that the polygons are cut into, in order: the
+// polygon, and which of all corners are the triangle's.
+void ForEachTriangle(
+    const PolygonSoup& soup, const Positions& positions,
+    absl::FunctionRef<void(std::size_t, const std::array<std::size_t, 3>&)>
+        use) {
+  std::size_t first = 0;
+  for (std::size_t p = 0; p < soup.sizes.size(); ++p) {
+    const auto size = static_cast<std::size_t>(soup.sizes[p]);
+    const std::size_t start = FanStart(
+        absl::MakeConstSpan(soup.corners).subspan(first, size), positions);
+    for (std::size_t i = 1; i + 1 < size; ++i) {
+      use(p, {first + start, first + (start + i) % size,
+              first + (start + i + 1) % size});
     }
+    first += size;
   }
+}
+
+// What `of_corner` has for the corners of the triangles.
+Faces Triangulate(const PolygonSoup& soup, const Positions& positions,
+                  const std::vector<VertexIndex>& of_corner) {
+  Faces faces(
+      static_cast<Eigen::Index>(soup.corners.size() - 2 * soup.sizes.size()),
+      3);
+  Eigen::Index t = 0;
+  ForEachTriangle(soup, positions,
+                  [&](std::size_t, const std::array<std::size_t, 3>& corners) {
+                    faces.row(t++) << of_corner[corners[0]],
+                        of_corner[corners[1]], of_corner[corners[2]];
+                  });
   return faces;
 }
 
-std::vector<std::string> Warnings(const PolygonSoup& soup,
-                                  const std::string& extension) {
-  std::vector<std::string> warnings;
-  if (extension == ".stl") {
-    warnings.push_back(absl::StrCat(
-        "STL has no vertices of its own: corners at one place were joined to ",
-        soup.points.size(), " vertices, numbered in order of first use"));
+absl::StatusOr<std::optional<Colors>> ToColors(const std::string& path,
+                                               const PolygonSoup& soup) {
+  if (soup.color_fault) {
+    return FaultError(absl::StrCat("'", path, "'"), *soup.color_fault);
   }
-  std::size_t polygons = 0;
-  for (const auto& polygon : soup.polygons) polygons += polygon.size() > 3;
-  if (polygons > 0) {
-    warnings.push_back(absl::StrCat(
-        polygons, " faces with more than 3 corners were cut into triangles"));
-  }
-  return warnings;
+  if (soup.colors.empty()) return std::nullopt;
+  return ToMatrix<Colors>(soup.colors);
 }
 
-// Makes the mesh of what was read.
-absl::Status UseSoup(const PolygonSoup& soup, const std::string& subject,
-                     const std::string& extension, LoadedMesh* loaded) {
-  if (const absl::Status status = CheckSoup(soup, extension); !status.ok()) {
-    return WithSubject(subject, status);
+absl::StatusOr<std::optional<MeshTexture>> ToTexture(const std::string& path,
+                                                     const Positions& positions,
+                                                     PolygonSoup& soup) {
+  if (soup.texture_fault) {
+    return FaultError(absl::StrCat("'", path, "'"), *soup.texture_fault);
   }
-  loaded->mesh.positions = ToPositions(soup);
-  loaded->mesh.faces = Triangulate(soup, loaded->mesh.positions);
-  for (std::string& warning : Warnings(soup, extension)) {
-    loaded->warnings.push_back(std::move(warning));
+  SoupTexture& found = soup.texture;
+  if (found.place_of_corner.empty()) return std::nullopt;
+  found.place_of_corner.resize(soup.corners.size(), -1);
+  found.material_of_polygon.resize(soup.sizes.size(), -1);
+  MeshTexture texture;
+  texture.places = ToMatrix<MeshTexture::Places>(found.places);
+  texture.corners = Triangulate(soup, positions, found.place_of_corner);
+  ForEachTriangle(soup, positions, [&](std::size_t polygon, const auto&) {
+    texture.material_of_face.push_back(found.material_of_polygon[polygon]);
+  });
+  texture.materials = std::move(found.materials);
+  for (const std::string& library : found.libraries) {
+    texture.libraries.push_back(
+        (std::filesystem::path(path).parent_path() / library).string());
   }
-  if (const absl::Status status = CheckSinglePrecision(loaded->mesh.positions);
-      !status.ok()) {
-    return WithSubject(subject, status);
-  }
-  return ValidateMesh(loaded->mesh, subject);
+  return texture;
 }
 
 std::string FormatOff(const TriangleMesh& mesh) {
@@ -202,21 +222,28 @@ std::string FormatOff(const TriangleMesh& mesh) {
 
 absl::StatusOr<LoadedMesh> ReadMesh(const std::string& path,
                                     const std::string& field) {
+  ISOMATCH_ASSIGN_OR_RETURN(PolygonSoup soup, ReadSoup(path, field));
   const std::string subject = absl::StrCat(field, ": '", path, "'");
-  const std::string extension = LowerExtension(path);
-  if (const absl::Status status = CheckInputFile(path, kExpected);
-      !status.ok()) {
-    return WithSubject(field, status);
-  }
-  ISOMATCH_RETURN_IF_ERROR(CheckExtension(subject, extension));
-  absl::StatusOr<std::string> bytes = ReadFile(path, kExpected);
-  if (!bytes.ok()) return WithSubject(field, bytes.status());
   LoadedMesh loaded;
-  PolygonSoup soup;
-  ISOMATCH_RETURN_IF_ERROR(
-      ReadSoup(subject, extension, *bytes, &soup, &loaded.warnings));
-  ISOMATCH_RETURN_IF_ERROR(UseSoup(soup, subject, extension, &loaded));
-  loaded.file_faces = loaded.mesh.faces;
+  loaded.format = std::move(soup.format);
+  loaded.warnings = std::move(soup.warnings);
+  TriangleMesh& mesh = loaded.mesh;
+  mesh.positions = ToMatrix<Positions>(soup.points);
+  mesh.faces = Triangulate(soup, mesh.positions, soup.corners);
+  const auto polygons =
+      absl::c_count_if(soup.sizes, [](VertexIndex size) { return size > 3; });
+  if (polygons > 0) {
+    loaded.warnings.push_back(absl::StrCat(
+        polygons, " faces with more than 3 corners were cut into triangles"));
+  }
+  if (const absl::Status status = CheckSinglePrecision(mesh.positions);
+      !status.ok()) {
+    return WithSubject(subject, status);
+  }
+  ISOMATCH_RETURN_IF_ERROR(ValidateMesh(mesh, subject));
+  loaded.file_faces = mesh.faces;
+  loaded.colors = ToColors(path, soup);
+  loaded.texture = ToTexture(path, mesh.positions, soup);
   return loaded;
 }
 

@@ -1,7 +1,10 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
+
+#include <Eigen/Core>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
@@ -9,12 +12,41 @@
 
 namespace isomatch {
 
-/// A mesh as read from a file, and what the user should know about it.
+/// n x 3: red, green and blue of each vertex, in [0, 1].
+using Colors = Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>;
+
+/// Where the faces of a mesh lie in pictures.
+struct MeshTexture {
+  /// k x 2: coordinates u, v of places in a picture.
+  using Places = Eigen::Matrix<double, Eigen::Dynamic, 2, Eigen::RowMajor>;
+  Places places;
+  /// m x 3: for each corner of each face a row of `places`, -1 for none.
+  Faces corners;
+  /// Names of materials, and for each face one of them, -1 for none.
+  std::vector<std::string> materials;
+  std::vector<int> material_of_face;
+  /// Files that describe the materials (.mtl), as paths from the current
+  /// folder.
+  std::vector<std::string> libraries;
+};
+
+/// A mesh as read from a file, and what else the file has.
 struct LoadedMesh {
   TriangleMesh mesh;
+  /// What the user should know about it.
   std::vector<std::string> warnings;
   /// What the file has, by number; those of `mesh` are others after a weld.
   Faces file_faces;
+  /// E.g. "PLY, binary little endian".
+  std::string format;
+  /// Of the vertices. INVALID_ARGUMENT, naming file and line: some vertices
+  /// have one and others not, or one is not a number of 0 or more.
+  absl::StatusOr<std::optional<Colors>> colors = std::optional<Colors>();
+  /// Of `file_faces`, from an OBJ file with a `vt` that a face names.
+  /// INVALID_ARGUMENT, naming file and line: a `vt` that is not two numbers, or
+  /// a face that names one that is not there.
+  absl::StatusOr<std::optional<MeshTexture>> texture =
+      std::optional<MeshTexture>();
 
   /// For all that numbers faces as the file does: its faces, and the places of
   /// `mesh`.
@@ -31,6 +63,10 @@ struct LoadedMesh {
 ///    a fan around their first corner (right for convex ones), with a warning.
 /// 3. Counts in headers are compared with the file's size before anything is
 ///    allocated for them.
+/// 4. Colors of vertices are red, green and blue of a PLY file's vertices,
+///    `v x y z r g b` of OBJ, and numbers after the coordinates in OFF (or
+///    COFF): bytes, 16-bit numbers or fractions, as the file has them. What is
+///    wrong with them or with texture coordinates does not make the mesh wrong.
 ///
 /// Messages begin with `field` and the path, and say what was expected.
 /// NOT_FOUND: no such file. INVALID_ARGUMENT: everything else.

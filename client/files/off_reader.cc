@@ -1,17 +1,17 @@
 #include "client/files/off_reader.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <string>
-#include <utility>
-#include <vector>
 
 #include "absl/status/statusor.h"
 #include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "client/files/text_colors.h"
 #include "client/files/text_file.h"
 #include "client/files/word_cursor.h"
 
@@ -40,7 +40,10 @@ class OffReader {
   OffReader(absl::string_view text, PolygonSoup* soup)
       : bytes_(static_cast<std::int64_t>(text.size())),
         cursor_(text),
-        soup_(soup) {}
+        colors_(soup),
+        soup_(soup) {
+    soup->format = "OFF";
+  }
 
   std::optional<MeshFault> Read() {
     if (auto fault = ReadHeader()) return fault;
@@ -48,7 +51,9 @@ class OffReader {
     for (std::int64_t v = 0; v < vertices_; ++v) {
       if (auto fault = ReadVertex(v)) return fault;
     }
-    soup_->polygons.reserve(static_cast<std::size_t>(faces_));
+    colors_.Finish(colors_.has_fractions() ? 1 : 255);
+    soup_->sizes.reserve(static_cast<std::size_t>(faces_));
+    soup_->corners.reserve(3 * static_cast<std::size_t>(faces_));
     for (std::int64_t f = 0; f < faces_; ++f) {
       if (auto fault = ReadFace(f)) return fault;
     }
@@ -65,11 +70,12 @@ class OffReader {
       return MeshFault{"", "expected coordinates in space, OFF, not nOFF"};
     }
     is_homogeneous_ = absl::EndsWith(kind, "4OFF");
+    has_normals_ = absl::StrContains(kind, "N");
     if (auto fault = ReadCount("vertices", &vertices_)) return fault;
     if (auto fault = ReadCount("faces", &faces_)) return fault;
     // The number of edges says nothing; it may be missing, or stand alone.
     if (cursor_.LeftOnLine() > 0) {
-      cursor_.DropLine();
+      cursor_.TakeRestOfLine();
     } else if (cursor_.LeftAhead() == 1) {
       cursor_.Take();
     }
@@ -103,7 +109,9 @@ class OffReader {
           absl::StrCat(kNames[i], " of vertex ", v, " (0-based) is ",
                        Quoted(word), ", expected a finite number")};
     }
-    cursor_.DropLine();  // normals, colors, texture coordinates
+    const auto rest = cursor_.TakeRestOfLine();
+    const std::size_t normals = has_normals_ ? 3 : 0;
+    colors_.Add(rest.subspan(std::min(normals, rest.size())), cursor_.line());
     const double w = numbers[3];
     soup_->points.push_back({numbers[0] / w, numbers[1] / w, numbers[2] / w});
     if (w != 0) return std::nullopt;
@@ -121,8 +129,7 @@ class OffReader {
                        absl::StrCat("face ", f, " (0-based) has ", Quoted(size),
                                     " corners, expected 3 or more")};
     }
-    std::vector<std::size_t> polygon;
-    for (; corners > 0; --corners) {
+    for (std::int64_t corner = 0; corner < corners; ++corner) {
       const absl::string_view word = cursor_.Take();
       if (word.empty()) return Ends("face", f);
       std::int64_t vertex = 0;
@@ -132,10 +139,10 @@ class OffReader {
             absl::StrCat("face ", f, " (0-based) names vertex ", Quoted(word),
                          ", expected 0 to ", vertices_ - 1)};
       }
-      polygon.push_back(static_cast<std::size_t>(vertex));
+      soup_->corners.push_back(static_cast<VertexIndex>(vertex));
     }
-    cursor_.DropLine();  // colors
-    soup_->polygons.push_back(std::move(polygon));
+    cursor_.TakeRestOfLine();  // the face's color
+    soup_->sizes.push_back(static_cast<VertexIndex>(corners));
     return std::nullopt;
   }
 
@@ -148,8 +155,10 @@ class OffReader {
 
   const std::int64_t bytes_;
   WordCursor cursor_;
+  TextColors colors_;
   PolygonSoup* const soup_;
   bool is_homogeneous_ = false;
+  bool has_normals_ = false;
   std::int64_t vertices_ = 0;
   std::int64_t faces_ = 0;
 };

@@ -17,6 +17,40 @@
 namespace isomatch {
 namespace {
 
+// By PlyFormat.
+constexpr std::array<const char*, 3> kFormatNames = {
+    "PLY, ascii", "PLY, binary little endian", "PLY, binary big endian"};
+
+// What is read of a vertex: the coordinates, then the color.
+constexpr std::array<absl::string_view, 6> kColumns = {"x",   "y",     "z",
+                                                       "red", "green", "blue"};
+constexpr std::size_t kFirstChannel = 3;
+
+// Which of kColumns a property is; nothing for none.
+std::optional<std::size_t> ColumnOf(const PlyElement& element,
+                                    const PlyProperty& property) {
+  if (element.name != "vertex" || property.count_type) return std::nullopt;
+  for (std::size_t column = 0; column < kColumns.size(); ++column) {
+    if (property.name == kColumns[column] ||
+        (column >= kFirstChannel &&
+         property.name == absl::StrCat("diffuse_", kColumns[column]))) {
+      return column;
+    }
+  }
+  return std::nullopt;
+}
+
+bool IsFace(const PlyElement& element, const PlyProperty& property) {
+  return element.name == "face" && property.count_type &&
+         (property.name == "vertex_indices" || property.name == "vertex_index");
+}
+
+// What stands for 1 in a color.
+double UnitOf(const PlyType& type) {
+  if (type.kind == PlyType::Kind::kFloat) return 1;
+  return std::ldexp(1.0, 8 * type.bytes) - 1;
+}
+
 // Reads what follows the header of a PLY file.
 class PlyReader {
  public:
@@ -26,9 +60,18 @@ class PlyReader {
         bytes_(bytes),
         body_(rest, header.format),
         soup_(soup) {
+    soup->format = kFormatNames[static_cast<std::size_t>(header.format)];
     for (const PlyElement& element : header.elements) {
-      if (element.name == "vertex") vertices_ = element.count;
+      if (element.name == "vertex") {
+        vertices_ = element.count;
+        ++vertex_elements_;
+      }
+      for (const PlyProperty& property : element.properties) {
+        if (const auto column = ColumnOf(element, property)) ++has_[*column];
+        has_faces_ |= IsFace(element, property);
+      }
     }
+    has_colors_ = std::count(has_.begin() + kFirstChannel, has_.end(), 0) == 0;
   }
 
   std::optional<MeshFault> Read() {
@@ -38,62 +81,58 @@ class PlyReader {
         return MeshFault{"", absl::StrCat("the header's element ", element.name,
                                           " has no properties")};
       }
-      for (item_ = 0; item_ < element.count; ++item_) {
-        for (const PlyProperty& property : element.properties) {
-          if (!ReadProperty(element, property)) return fault_;
-        }
-        if (element.name == "vertex") soup_->points.push_back(point_);
-      }
+      if (!ReadElement(element)) return fault_;
     }
-    return CheckIsSurface();
-  }
-
- private:
-  std::optional<MeshFault> CheckIsSurface() const {
-    bool has_faces = false;
-    std::array<int, 3> axes = {};  // how often there are values of each
-    for (const PlyElement& element : header_.elements) {
-      for (const PlyProperty& property : element.properties) {
-        const int axis = AxisOf(element, property);
-        if (axis >= 0) ++axes[static_cast<std::size_t>(axis)];
-        has_faces |= IsFace(element, property);
-      }
+    // Each coordinate once.
+    if (std::count(has_.begin(), has_.begin() + kFirstChannel, 1) == 3 &&
+        vertex_elements_ == 1 && has_faces_) {
+      return std::nullopt;
     }
-    if (axes == std::array{1, 1, 1} && has_faces) return std::nullopt;
     return MeshFault{"",
                      "expected one element vertex with x, y, z and element "
                      "face with list vertex_indices"};
   }
 
-  // 0 to 2 for x to z of a vertex; else -1.
-  static int AxisOf(const PlyElement& element, const PlyProperty& property) {
-    if (element.name != "vertex" || property.count_type) return -1;
-    for (std::size_t axis = 0; axis < kAxisNames.size(); ++axis) {
-      if (property.name == kAxisNames[axis]) return static_cast<int>(axis);
+ private:
+  // Each of these returns false after a fault.
+  bool ReadElement(const PlyElement& element) {
+    std::vector<std::optional<std::size_t>> columns;
+    for (const PlyProperty& property : element.properties) {
+      columns.push_back(ColumnOf(element, property));
     }
-    return -1;
+    for (item_ = 0; item_ < element.count; ++item_) {
+      for (std::size_t i = 0; i < columns.size(); ++i) {
+        const PlyProperty& property = element.properties[i];
+        const bool is_read = property.count_type
+                                 ? ReadList(element, property)
+                                 : ReadValue(element, property, columns[i]);
+        if (!is_read) return false;
+      }
+      if (element.name != "vertex") continue;
+      soup_->points.push_back({vertex_[0], vertex_[1], vertex_[2]});
+      if (!has_colors_) continue;
+      soup_->colors.push_back({vertex_[3], vertex_[4], vertex_[5]});
+    }
+    return true;
   }
 
-  static bool IsFace(const PlyElement& element, const PlyProperty& property) {
-    return element.name == "face" && property.count_type &&
-           (property.name == "vertex_indices" ||
-            property.name == "vertex_index");
-  }
-
-  bool ReadProperty(const PlyElement& element, const PlyProperty& property) {
-    if (property.count_type) return ReadList(element, property);
-    const int axis = AxisOf(element, property);
-    if (axis < 0 && header_.format != PlyFormat::kAscii) {
+  bool ReadValue(const PlyElement& element, const PlyProperty& property,
+                 std::optional<std::size_t> column) {
+    if (!column && header_.format != PlyFormat::kAscii) {
       return body_.Skip(1, property.type) || FailAtEnd(element);
     }
     const std::optional<double> number = body_.TakeNumber(property.type);
     if (!number) return FailAtNumber(element, "a number");
-    if (axis < 0) return true;
-    point_[static_cast<std::size_t>(axis)] = *number;
-    if (std::isfinite(*number)) return true;
-    return Fail(absl::StrCat(property.name, " of vertex ", item_,
-                             " (0-based) is ", *number,
-                             ", expected a finite number"));
+    if (!column) return true;
+    const bool is_color = *column >= kFirstChannel;
+    vertex_[*column] = is_color ? *number / UnitOf(property.type) : *number;
+    // The polygons are good without colors; the first fault is told.
+    const bool is_ignored = is_color && (!has_colors_ || soup_->color_fault);
+    if (std::isfinite(*number) || is_ignored) return true;
+    Fail(absl::StrCat(property.name, " of vertex ", item_, " (0-based) is ",
+                      *number, ", expected a finite number"));
+    if (is_color) soup_->color_fault = fault_;
+    return is_color;
   }
 
   bool ReadList(const PlyElement& element, const PlyProperty& property) {
@@ -124,23 +163,21 @@ class PlyReader {
 
   bool ReadCorners(const PlyElement& element, const PlyProperty& property,
                    std::int64_t corners) {
-    std::vector<std::size_t> polygon;
-    for (; corners > 0; --corners) {
+    for (std::int64_t corner = 0; corner < corners; ++corner) {
       const std::optional<double> vertex = body_.TakeNumber(property.type);
       if (!vertex) return FailAtNumber(element, "a number of a vertex");
       if (0 <= *vertex && *vertex < static_cast<double>(vertices_) &&
           *vertex == std::floor(*vertex)) {
-        polygon.push_back(static_cast<std::size_t>(*vertex));
+        soup_->corners.push_back(static_cast<VertexIndex>(*vertex));
         continue;
       }
       return Fail(absl::StrCat("face ", item_, " (0-based) names vertex ",
                                *vertex, ", expected 0 to ", vertices_ - 1));
     }
-    soup_->polygons.push_back(std::move(polygon));
+    soup_->sizes.push_back(static_cast<VertexIndex>(corners));
     return true;
   }
 
-  // Each returns false.
   bool FailAtNumber(const PlyElement& element, const char* expected) {
     constexpr absl::string_view kBlanks = " \t\r\n";
     const bool ends =
@@ -173,7 +210,12 @@ class PlyReader {
   const absl::string_view bytes_;
   PlyBody body_;
   PolygonSoup* const soup_;
-  std::array<double, 3> point_ = {};
+  // How many properties are each of kColumns.
+  std::array<int, kColumns.size()> has_ = {};
+  bool has_faces_ = false;
+  bool has_colors_ = false;
+  int vertex_elements_ = 0;
+  std::array<double, kColumns.size()> vertex_ = {};
   std::int64_t vertices_ = 0;
   std::int64_t item_ = 0;
   MeshFault fault_;

@@ -23,17 +23,16 @@ class CornerJoiner {
   void Add(std::array<double, 3> point) {
     // -0 is 0.
     for (double& coordinate : point) coordinate += 0.0;
-    const auto [found, is_new] =
-        vertices_.try_emplace(point, soup_->points.size());
+    const auto [found, is_new] = vertices_.try_emplace(
+        point, static_cast<VertexIndex>(soup_->points.size()));
     if (is_new) soup_->points.push_back(point);
-    if (corners_++ % 3 == 0) soup_->polygons.emplace_back().reserve(3);
-    soup_->polygons.back().push_back(found->second);
+    soup_->corners.push_back(found->second);
+    if (soup_->corners.size() % 3 == 0) soup_->sizes.push_back(3);
   }
 
  private:
   PolygonSoup* const soup_;
-  absl::flat_hash_map<std::array<double, 3>, std::size_t> vertices_;
-  std::size_t corners_ = 0;
+  absl::flat_hash_map<std::array<double, 3>, VertexIndex> vertices_;
 };
 
 constexpr std::size_t kStlHeaderBytes = 84;
@@ -93,7 +92,7 @@ std::optional<MeshFault> ReadText(absl::string_view text,
     // The name of a solid may have any words.
     if (word == "solid" || word == "endsolid") {
       has_ended = word == "endsolid" && corners == 0;
-      cursor.DropLine();
+      cursor.TakeRestOfLine();
     }
     if (word == "endloop" && corners != 3) {
       return MeshFault{cursor.Place(),
@@ -106,6 +105,7 @@ std::optional<MeshFault> ReadText(absl::string_view text,
     }
     if (word != "vertex") continue;
     ++corners;
+    has_ended = false;
     std::array<double, 3> point = {};
     for (std::size_t axis = 0; axis < kAxisNames.size(); ++axis) {
       const absl::string_view number = cursor.Take();
@@ -134,11 +134,17 @@ std::optional<MeshFault> ReadStlSoup(absl::string_view bytes,
       bytes.size() >= kStlHeaderBytes &&
       kStlHeaderBytes + kStlTriangleBytes * std::size_t{StlTriangles(bytes)} <=
           bytes.size();
+  const bool is_text =
+      !is_binary &&
+      absl::StartsWith(absl::StripLeadingAsciiWhitespace(bytes), "solid");
   CornerJoiner joiner(soup);
-  return absl::StartsWith(absl::StripLeadingAsciiWhitespace(bytes), "solid") &&
-                 !is_binary
-             ? ReadText(bytes, &joiner)
-             : ReadBinary(bytes, &joiner);
+  std::optional<MeshFault> fault =
+      is_text ? ReadText(bytes, &joiner) : ReadBinary(bytes, &joiner);
+  soup->format = "STL";
+  soup->warnings.push_back(absl::StrCat(
+      "STL has no vertices of its own: corners at one place were joined to ",
+      soup->points.size(), " vertices, numbered in order of first use"));
+  return fault;
 }
 
 }  // namespace isomatch

@@ -17,6 +17,12 @@ std::size_t WordCursor::LeftAhead() {
   return LeftOnLine();
 }
 
+absl::Span<const absl::string_view> WordCursor::TakeRestOfLine() {
+  const auto rest = absl::MakeConstSpan(words_).subspan(next_);
+  next_ = words_.size();
+  return rest;
+}
+
 std::string WordCursor::Place() const { return absl::StrCat("line ", line_); }
 
 void WordCursor::TakeLine() {

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "absl/strings/string_view.h"
+#include "absl/types/span.h"
 
 namespace isomatch {
 
@@ -23,10 +24,12 @@ class WordCursor {
   std::size_t LeftOnLine() const { return words_.size() - next_; }
   std::size_t LeftAhead();
 
-  /// Leaves out what is left on the line of the last word taken.
-  void DropLine() { next_ = words_.size(); }
+  /// What is left on the line of the last word taken; it lasts until the next
+  /// word is taken.
+  absl::Span<const absl::string_view> TakeRestOfLine();
 
-  /// Of the last word taken, "line 3", counted from 1.
+  /// Of the last word taken, counted from 1, and in words, "line 3".
+  int line() const { return line_; }
   std::string Place() const;
 
  private:

@@ -127,7 +127,7 @@ Json ComponentJson(const ComponentTopology& component) {
 std::string FormatInspection(const InspectionReport& report) {
   const MeshInspection& mesh = report.mesh;
   std::string text =
-      absl::StrCat(report.path, ": ", mesh.format, ", ", mesh.vertices,
+      absl::StrCat(report.path, ": ", report.format, ", ", mesh.vertices,
                    " vertices, ", mesh.faces, " faces\n");
   AppendComponents(mesh, &text);
   AppendLine("orientation", Orientation(mesh), &text);
@@ -166,7 +166,7 @@ Json InspectionJson(const InspectionReport& report) {
     components.push_back(ComponentJson(component));
   }
   return {{"path", report.path},
-          {"format", mesh.format},
+          {"format", report.format},
           {"vertices", mesh.vertices},
           {"faces", mesh.faces},
           {"components", std::move(components)},

@@ -11,6 +11,8 @@ namespace isomatch {
 /// A mesh and all that `isomatch inspect` says about it.
 struct InspectionReport {
   std::string path;
+  /// As LoadedMesh has it.
+  std::string format;
   MeshInspection mesh;
   MatchCost cost;
   /// Of reading the file.

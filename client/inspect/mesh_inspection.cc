@@ -6,12 +6,9 @@
 #include <cstddef>
 #include <utility>
 
-#include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "client/files/mesh_file.h"
-#include "client/files/ply_file.h"
-#include "client/files/text_file.h"
 #include "core/base/status_macros.h"
 #include "core/io/draco_mesh.h"
 #include "core/io/face_order.h"
@@ -34,25 +31,6 @@ constexpr double kThinArea = 0.003;
 constexpr std::int64_t kManyHandles = 5;
 // Share of faces.
 constexpr double kManyFlatFaces = 0.01;
-
-absl::StatusOr<std::string> FormatName(const std::string& path) {
-  const std::string extension = LowerExtension(path);
-  if (extension != ".ply") {
-    return absl::AsciiStrToUpper(extension.substr(1));
-  }
-  ISOMATCH_ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, "a mesh"));
-  absl::string_view rest = bytes;
-  ISOMATCH_ASSIGN_OR_RETURN(const PlyHeader header, TakePlyHeader(rest));
-  switch (header.format) {
-    case PlyFormat::kAscii:
-      return "PLY, ascii";
-    case PlyFormat::kLittleEndian:
-      return "PLY, binary little endian";
-    case PlyFormat::kBigEndian:
-      return "PLY, binary big endian";
-  }
-  return "PLY";  // not reached
-}
 
 // A face's corners as a set.
 std::array<VertexIndex, 3> Sorted(const Faces& faces, VertexIndex face) {
@@ -307,10 +285,8 @@ const char* FaceTurnName(FaceTurn turn) {
   return "";  // not reached
 }
 
-absl::StatusOr<MeshInspection> InspectMesh(const std::string& path,
-                                           const TriangleMesh& mesh) {
+MeshInspection InspectMesh(const TriangleMesh& mesh) {
   MeshInspection found;
-  ISOMATCH_ASSIGN_OR_RETURN(found.format, FormatName(path));
   found.vertices = mesh.num_vertices();
   found.faces = mesh.num_faces();
   // In the order that a server gives them: which faces of a patch that encloses

@@ -32,9 +32,6 @@ const char* FaceTurnName(FaceTurn turn);
 
 /// What a mesh file holds, and what becomes of it.
 struct MeshInspection {
-  /// E.g. "PLY, binary little endian".
-  std::string format;
-
   // Of the file.
 
   VertexIndex vertices = 0;
@@ -76,10 +73,8 @@ struct MeshInspection {
   std::vector<std::string> warnings;
 };
 
-/// Looks at a mesh that ReadMesh(path) gave. Errors as ReadFile. Time
-/// O(m log m).
-absl::StatusOr<MeshInspection> InspectMesh(const std::string& path,
-                                           const TriangleMesh& mesh);
+/// Looks at a mesh that ReadMesh gave. Time O(m log m).
+MeshInspection InspectMesh(const TriangleMesh& mesh);
 
 /// What it takes to match a mesh with one like it, and whether a server would.
 struct MatchCost {

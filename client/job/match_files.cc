@@ -8,14 +8,14 @@
 
 namespace isomatch {
 
-absl::StatusOr<TriangleMesh> ReadMatchFiles(
-    const MatchPaths& files, MatchRequest* request,
-    std::vector<std::string>* warnings) {
+absl::StatusOr<FileOfY> ReadMatchFiles(const MatchPaths& files,
+                                       MatchRequest* request,
+                                       std::vector<std::string>* warnings) {
   ISOMATCH_ASSIGN_OR_RETURN(LoadedMesh x,
                             LoadMesh(files.x, "X", files.weld, warnings));
   ISOMATCH_ASSIGN_OR_RETURN(LoadedMesh y,
                             LoadMesh(files.y, "Y", files.weld, warnings));
-  TriangleMesh file_y = y.WithFileFaces();
+  FileOfY file_y = {y.WithFileFaces(), std::move(y.colors)};
   request->mesh_x = std::move(x.mesh);
   request->mesh_y = std::move(y.mesh);
   if (files.landmarks.empty()) return file_y;

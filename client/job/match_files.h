@@ -1,10 +1,12 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "absl/status/statusor.h"
 #include "client/api/match_request.h"
+#include "client/files/mesh_file.h"
 #include "core/mesh/triangle_mesh.h"
 
 namespace isomatch {
@@ -17,11 +19,17 @@ struct MatchPaths {
   std::string weld;
 };
 
-/// Reads both meshes and the landmarks, and returns Y with the faces of its
-/// file, for what numbers them. What is to be said about the files is appended
-/// to `warnings`. Errors name X, Y or the file's line.
-absl::StatusOr<TriangleMesh> ReadMatchFiles(const MatchPaths& files,
-                                            MatchRequest* request,
-                                            std::vector<std::string>* warnings);
+/// Y as its file has it, for what numbers its faces or shows its colors.
+struct FileOfY {
+  TriangleMesh mesh;
+  /// As LoadedMesh has them.
+  absl::StatusOr<std::optional<Colors>> colors;
+};
+
+/// Reads both meshes and the landmarks into `request`. What is to be said about
+/// the files is appended to `warnings`. Errors name X, Y or the file's line.
+absl::StatusOr<FileOfY> ReadMatchFiles(const MatchPaths& files,
+                                       MatchRequest* request,
+                                       std::vector<std::string>* warnings);
 
 }  // namespace isomatch

@@ -3,7 +3,7 @@
 #include <string>
 
 #include "absl/status/statusor.h"
-#include "client/files/obj_file.h"
+#include "client/files/mesh_file.h"
 #include "client/files/vertex_colors.h"
 #include "client/picture/image.h"
 #include "client/sample/sample_animal.h"

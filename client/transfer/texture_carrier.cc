@@ -11,7 +11,6 @@
 #include <utility>
 #include <vector>
 
-#include "client/files/mesh_file.h"
 #include "core/base/parallel.h"
 #include "core/base/status_macros.h"
 #include "core/mesh/clean_mesh.h"

@@ -4,7 +4,7 @@
 
 #include "absl/status/statusor.h"
 #include "absl/types/span.h"
-#include "client/files/obj_file.h"
+#include "client/files/mesh_file.h"
 #include "core/mesh/triangle_mesh.h"
 #include "core/pipeline/precise_point.h"
 

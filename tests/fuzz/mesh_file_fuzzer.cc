@@ -8,6 +8,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <string>
 
 #include <unistd.h>
@@ -16,9 +17,7 @@
 #include "client/files/mesh_file.h"
 #include "client/files/mesh_weld.h"
 #include "client/files/named_vertices.h"
-#include "client/files/obj_file.h"
 #include "client/files/place_file.h"
-#include "client/files/vertex_colors.h"
 #include "tests/fuzz/check.h"
 
 namespace isomatch {
@@ -68,14 +67,20 @@ void ReadMeshFile(const std::string& path) {
   ISOMATCH_CHECK(loaded.ok() || !loaded.status().message().empty());
   if (!loaded.ok()) return;
   CheckMesh(loaded->mesh);
-  const auto colors = ReadVertexColors(path, loaded->mesh.num_vertices());
+  const auto& colors = loaded->colors;
   if (colors.ok() && *colors) {
     ISOMATCH_CHECK((*colors)->rows() == loaded->mesh.num_vertices());
+    ISOMATCH_CHECK((*colors)->allFinite());
   }
-  const auto texture = ReadObjTexture(path, loaded->mesh);
-  if (texture.ok() && *texture) {
-    ISOMATCH_CHECK((*texture)->corners.rows() == loaded->mesh.num_faces());
-    ISOMATCH_CHECK((*texture)->corners.maxCoeff() < (*texture)->places.rows());
+  const auto& texture = loaded->texture;
+  if (!texture.ok() || !*texture) return;
+  const MeshTexture& found = **texture;
+  ISOMATCH_CHECK(found.corners.rows() == loaded->mesh.num_faces());
+  ISOMATCH_CHECK(found.corners.minCoeff() >= -1);
+  ISOMATCH_CHECK(found.corners.maxCoeff() < found.places.rows());
+  ISOMATCH_CHECK(std::ssize(found.material_of_face) == found.corners.rows());
+  for (const int material : found.material_of_face) {
+    ISOMATCH_CHECK(-1 <= material && material < std::ssize(found.materials));
   }
 }
 

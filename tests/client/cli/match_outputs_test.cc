@@ -168,9 +168,10 @@ TEST_F(MatchOutputsTest, AMapInColorsTakesThoseOfY) {
                          "--no-progress", "--server", server_->address()})
                 .status,
             kExitSuccess);
-  const auto colors = ReadVertexColors(map, 42);
-  ASSERT_TRUE(colors.ok() && colors->has_value());
-  EXPECT_EQ((*colors)->row(7), Eigen::RowVector3d(1, 0, 0));
+  const absl::StatusOr<LoadedMesh> loaded = ReadMesh(map, "MAP");
+  ASSERT_THAT(loaded, IsOk());
+  ASSERT_TRUE(loaded->colors.ok() && loaded->colors->has_value());
+  EXPECT_EQ((*loaded->colors)->row(7), Eigen::RowVector3d(1, 0, 0));
 }
 
 TEST_F(MatchOutputsTest, TheReportTellsHowGoodTheMapIs) {

@@ -7,9 +7,7 @@
 
 #include "client/files/map_file.h"
 #include "client/files/mesh_file.h"
-#include "client/files/obj_file.h"
 #include "client/files/text_file.h"
-#include "client/files/vertex_colors.h"
 #include "tests/client/cli/run_isomatch.h"
 #include "tests/support/matchers.h"
 #include "tests/support/shapes.h"
@@ -74,7 +72,7 @@ TEST_F(TransferCommandTest, ATextureGoesFromPoseToPose) {
   ASSERT_THAT(out, IsOk());
   EXPECT_EQ(out->mesh.positions, x->mesh.positions);
   EXPECT_EQ(out->mesh.faces, x->mesh.faces);
-  EXPECT_TRUE((*ReadObjTexture(out_, out->mesh)).has_value());
+  EXPECT_TRUE(out->texture->has_value());
 }
 
 TEST_F(TransferCommandTest, ColorsGoFromPoseToPose) {
@@ -87,8 +85,8 @@ TEST_F(TransferCommandTest, ColorsGoFromPoseToPose) {
   const CommandOutcome outcome = Run({"transfer", x_, y, map_, "-o", out});
   ASSERT_EQ(outcome.status, 0) << outcome.err;
   EXPECT_THAT(outcome.out, HasSubstr("vertex colors: 600 of 600"));
-  const Colors from = **ReadVertexColors(y, 500);
-  const Colors to = **ReadVertexColors(out, 600);
+  const Colors from = **ReadMesh(y, "Y")->colors;
+  const Colors to = **ReadMesh(out, "OUT")->colors;
   const VertexMap map = *ReadMap(map_, 500, 600);
   for (std::size_t x = 0; x < map.size(); ++x) {
     ASSERT_EQ(to.row(static_cast<Eigen::Index>(x)), from.row(map[x]));
@@ -155,12 +153,12 @@ TEST_F(TransferCommandTest, PrecisePlacesInterpolate) {
   ASSERT_EQ(outcome.status, 0) << outcome.err;
   EXPECT_EQ(nlohmann::json::parse(outcome.out)["precise"], true);
   const absl::StatusOr<LoadedMesh> y = ReadMesh(y_, "Y");
-  const MeshTexture texture = **ReadObjTexture(y_, y->mesh);
+  const MeshTexture texture = **y->texture;
   const auto place = [&](int i) {
     return texture.places.row(texture.corners(0, i)).eval();
   };
   const absl::StatusOr<LoadedMesh> out = ReadMesh(out_, "OUT");
-  const MeshTexture carried = **ReadObjTexture(out_, out->mesh);
+  const MeshTexture carried = **out->texture;
   EXPECT_TRUE(
       carried.places.row(carried.corners(5, 1))
           .isApprox(0.5 * place(0) + 0.25 * place(1) + 0.25 * place(2), 1e-12));

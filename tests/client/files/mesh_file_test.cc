@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <cstring>
 #include <limits>
+#include <optional>
 #include <string>
 
 #include <gmock/gmock.h>
@@ -67,6 +68,15 @@ TEST_F(MeshFileTest, EveryFormatKeepsCountAndOrder) {
   }
 }
 
+TEST_F(MeshFileTest, TheFormatIsToldFromTheFile) {
+  EXPECT_EQ(Read("a.OFF", kOff)->format, "OFF");
+  EXPECT_EQ(Read("a.obj", kObj)->format, "OBJ");
+  EXPECT_EQ(Read("a.ply", kPly)->format, "PLY, ascii");
+  ASSERT_THAT(WriteMesh(folder_.Path("b.ply"), UnitSphere(2)), IsOk());
+  EXPECT_EQ(ReadMesh(folder_.Path("b.ply"), "X")->format,
+            "PLY, binary little endian");
+}
+
 TEST_F(MeshFileTest, StlIsWeldedWithAWarning) {
   const std::string facet = "facet normal 0 0 1\nouter loop\n";
   const std::string end = "endloop\nendfacet\n";
@@ -92,6 +102,10 @@ TEST_F(MeshFileTest, StlMayBeginWithBlanksGoOnAndTrail) {
   const auto text = Read("a.stl", two + "endsolid\n");
   ASSERT_THAT(text, IsOk());
   EXPECT_EQ(text->mesh.num_faces(), 2);
+  EXPECT_EQ(text->format, "STL");
+  EXPECT_EQ(*text->colors, std::nullopt);
+  EXPECT_THAT(Error("a.stl", two + "endsolid\nvertex 1 2 3\n"),
+              Refused("the file ends after 2 triangles without `endsolid`"));
   EXPECT_THAT(Error("a.stl", two),
               Refused("the file ends after 2 triangles without `endsolid`"));
   EXPECT_THAT(
@@ -258,6 +272,9 @@ TEST_F(MeshFileTest, PlyFilesWithoutWhatASurfaceHasAreRefused) {
       Error("a.ply", with("property list uchar int vertex_indices\n", "")),
       Refused("element face has no properties"));
   EXPECT_THAT(Error("a.ply", with("element vertex 6\n", "")), Refused("X: '"));
+  EXPECT_THAT(Error("a.ply", with("element vertex 6\n",
+                                  "element vertex 0\nelement vertex 6\n")),
+              refused);
 }
 
 TEST_F(MeshFileTest, CornersOfAnStlFileAtOnePlaceAreOneVertex) {
@@ -292,50 +309,6 @@ TEST_F(MeshFileTest, AFaultOfAnStlFileIsNamed) {
   std::memcpy(&bytes[84 + 50 + 12 + 12 + 8], &nan, sizeof(nan));
   EXPECT_THAT(Error("a.stl", bytes),
               Refused("triangle 1 (0-based): z of corner 1 (0-based) is nan"));
-}
-
-TEST_F(MeshFileTest, AByteOrderMarkHidesNoVertex) {
-  const auto loaded = Read("a.obj", std::string("\xEF\xBB\xBF") + kObj);
-  ASSERT_THAT(loaded, IsOk());
-  EXPECT_TRUE(loaded->warnings.empty());
-  EXPECT_EQ(loaded->mesh.num_vertices(), 6);
-  EXPECT_THAT(Error("a.obj", "v 0x10 0 0\n"),
-              Refused("line 1: a coordinate is '0x10'"));
-}
-
-// What modelling programs write beside the surface.
-TEST_F(MeshFileTest, ObjStatementsThatAreNoSurfaceAreLeftOut) {
-  const absl::StatusOr<LoadedMesh> loaded =
-      Read("a.obj", "mtllib a.mtl\no Cube\ng side\ns off\nusemtl None\n" +
-                        std::string(kObj) +
-                        "l 1 2\np 3 4\nvt 0 0\nvp 1 2\nl -1 -2\n");
-  ASSERT_THAT(loaded, IsOk());
-  EXPECT_EQ(loaded->mesh.num_vertices(), 6);
-  EXPECT_EQ(loaded->mesh.num_faces(), 2);
-  EXPECT_THAT(loaded->warnings, testing::IsEmpty());
-}
-
-TEST_F(MeshFileTest, ObjLinesGoOnAfterABackslash) {
-  const absl::StatusOr<LoadedMesh> loaded =
-      Read("a.obj",
-           "v 0 \\\n0 0\r\nv 1 0 0\nv 1 1 0\nv 0 1 0 # \\\nf 1 2 \\\r\n 3 \\\n"
-           "4\n# \\\nf 1 2 4\\");
-  ASSERT_THAT(loaded, IsOk());
-  EXPECT_EQ(loaded->mesh.num_vertices(), 4);
-  EXPECT_EQ(loaded->mesh.num_faces(), 3);
-  EXPECT_THAT(Error("a.obj", "v 0 \\\n0 0\nv 1 \\\n 0\nf 1 2 3\n"),
-              Refused("line 3: a vertex has 2"));
-}
-
-TEST_F(MeshFileTest, WhatObjDoesNotHaveIsTold) {
-  const absl::StatusOr<LoadedMesh> loaded =
-      Read("a.obj", "hello world\n" + std::string(kObj) + "curv 0 1 1 2\nx\n");
-  ASSERT_THAT(loaded, IsOk());
-  EXPECT_THAT(loaded->warnings,
-              testing::ElementsAre(HasSubstr("1 lines of free-form curves"),
-                                   HasSubstr("2 lines that are no statements "
-                                             "of OBJ are left out, first "
-                                             "'hello' in line 1")));
 }
 
 TEST_F(MeshFileTest, NonFiniteCoordinatesInBinaryAreRefused) {
@@ -374,6 +347,102 @@ TEST_F(MeshFileTest, HostileLengthsOfListsAreRefusedWithLittleMemory) {
 TEST_F(MeshFileTest, CoordinatesBeyondSinglePrecisionAreRefused) {
   EXPECT_THAT(Error("a.off", "OFF\n3 1 0\n0 0 0\n1e39 0 0\n0 1 0\n3 0 1 2\n"),
               Refused("vertex 1 (0-based) has a coordinate of size 1e+39"));
+}
+
+/// Of a file whose mesh is good and has three vertices.
+class MeshColorsTest : public MeshFileTest {
+ protected:
+  absl::StatusOr<std::optional<Colors>> ReadColors(const std::string& name,
+                                                   const std::string& bytes) {
+    const absl::StatusOr<LoadedMesh> loaded = Read(name, bytes);
+    EXPECT_THAT(loaded, IsOk());
+    EXPECT_EQ(loaded->mesh.num_vertices(), 3);
+    return loaded->colors;
+  }
+
+  void ExpectRedHalfGreenBlue(const std::string& name,
+                              const std::string& bytes) {
+    SCOPED_TRACE(bytes);
+    const auto found = ReadColors(name, bytes);
+    ASSERT_THAT(found, IsOk());
+    ASSERT_TRUE(found->has_value());
+    Colors expected = Colors::Identity(3, 3);
+    expected(1, 1) = 0.5;
+    EXPECT_LT((**found - expected).cwiseAbs().maxCoeff(), 0.003);
+  }
+
+  void ExpectNone(const std::string& name, const std::string& bytes) {
+    EXPECT_EQ(*ReadColors(name, bytes), std::nullopt) << bytes;
+  }
+
+  /// Red, half green and blue; `red` is the name of the first channel.
+  static std::string Ply(const std::string& type, const std::string& half,
+                         const std::string& one, const std::string& red) {
+    const std::string property = "property " + type + " ";
+    return "ply\nformat ascii 1.0\nelement face 1\n"
+           "property list uchar int vertex_indices\nelement vertex 3\n"
+           "property float x\nproperty float y\n" +
+           property + red + "\n" + property + "green\n" + property +
+           "blue\nproperty float z\nend_header\n3 0 1 2\n0 0 " + one +
+           " 0 0 0\n1 0 0 " + half + " 0 0\n0 1 0 0 " + one + " 0\n";
+  }
+};
+
+TEST_F(MeshColorsTest, PlyHasThemAsBytesOrFractions) {
+  ExpectRedHalfGreenBlue("a.ply", Ply("uchar", "128", "255", "red"));
+  ExpectRedHalfGreenBlue("a.ply", Ply("float", "0.5", "1", "diffuse_red"));
+  ExpectRedHalfGreenBlue("a.ply", Ply("ushort", "32768", "65535", "red"));
+  ExpectNone("a.ply", Ply("uchar", "128", "255", "alpha"));
+  ExpectNone("a.ply", Ply("float", "0.5", "nan", "alpha"));
+}
+
+TEST_F(MeshColorsTest, ObjHasThemAsFractionsOrBytes) {
+  ExpectRedHalfGreenBlue("a.obj",
+                         "v 0 0 0 1 0 0\nv 1 0 0 0 0.5 0\n"
+                         "v 0 1 0 0 0 1\nvt 0 0\nvn 0 0 1\nf 1 2 3\n");
+  ExpectRedHalfGreenBlue("a.obj",
+                         "v 0 0 0 255 0 0\nv 1 0 0 0 128 0\n"
+                         "v 0 1 0 0 0 255\nf 1 2 3\n");
+  ExpectNone("a.obj", "v 0 0 0 1\nv 1 0 0 1\nv 0 1 0 1\nf 1 2 3\n");
+}
+
+TEST_F(MeshColorsTest, OffHasThemAfterTheCoordinates) {
+  ExpectRedHalfGreenBlue("a.off",
+                         "COFF\n# a comment\n3 1 0\n0 0 0 255 0 0 255\n"
+                         "1 0 0 0 128 0 255\n\n0 1 0 0 0 255 255\n3 0 1 2\n");
+  ExpectRedHalfGreenBlue("a.off",
+                         "OFF 3 1\n0 0 0 1.0 0 0 1\n1 0 0 0 0.5 0 1\n"
+                         "0 1 0 0 0 1.0 1\n3 0 1 2 9 9 9\n");
+  ExpectRedHalfGreenBlue("a.off",
+                         "CNOFF\n3 1 0\n0 0 0 0 0 -1 255 0 0\n"
+                         "1 0 0 0 0 -1 0 128 0\n0 1 0 0 0 -1 0 0 255\n"
+                         "3 0 1 2\n");
+  ExpectRedHalfGreenBlue("a.off",
+                         "C4OFF\n3 1 0\n0 0 0 2 255 0 0\n1 0 0 2 0 128 0\n"
+                         "0 1 0 2 0 0 255\n3 0 1 2\n");
+  ExpectNone("a.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n");
+  ExpectNone("a.off",
+             "NOFF\n3 1 0\n0 0 0 0 0 1\n1 0 0 0 0 1\n0 1 0 0 0 1\n"
+             "3 0 1 2\n");
+}
+
+TEST_F(MeshColorsTest, WrongOnesAreNoWrongMesh) {
+  EXPECT_THAT(
+      ReadColors("a.obj", "v 0 0 0 1 0 0\nv 1 0 0\nv 0 1 0 0 0 1\nf 1 2 3\n"),
+      Refused("a.obj': 1 of 3 vertices have no color, expected all or "
+              "none"));
+  EXPECT_THAT(
+      ReadColors("a.obj",
+                 "v 0 0 0 1 0 0\nv 1 0 0 0 x 0\nv 0 1 0 0 0 1\nf 1 2 3\n"),
+      Refused("a.obj', line 2: a vertex's color is 'x', expected a number of "
+              "0 or more"));
+  EXPECT_THAT(ReadColors("a.off",
+                         "COFF\n3 1 0\n0 0 0 1 0 0\n1 0 0 0 -1 0\n"
+                         "0 1 0 inf 0 0\n3 0 1 2\n"),
+              Refused("a.off', line 4: a vertex's color is '-1'"));
+  EXPECT_THAT(ReadColors("a.ply", Ply("float", "nan", "inf", "red")),
+              Refused("a.ply', line 14: red of vertex 0 (0-based) is inf, "
+                      "expected a finite number"));
 }
 
 }  // namespace

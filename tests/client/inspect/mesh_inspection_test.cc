@@ -18,7 +18,6 @@
 #include "absl/strings/string_view.h"
 #include "client/api/isomatch_client.h"
 #include "client/cli/embedded_server.h"
-#include "client/files/mesh_file.h"
 #include "client/files/text_file.h"
 #include "client/inspect/inspection_report.h"
 #include "core/io/draco_mesh.h"
@@ -27,7 +26,6 @@
 #include "tests/support/dirty_meshes.h"
 #include "tests/support/matchers.h"
 #include "tests/support/shapes.h"
-#include "tests/support/temporary_folder.h"
 
 namespace isomatch {
 namespace {
@@ -49,12 +47,6 @@ v1::GetServerInfoResponse ServerInfo() {
   return info;
 }
 
-MeshInspection Inspect(const TriangleMesh& mesh) {
-  const absl::StatusOr<MeshInspection> found = InspectMesh("mesh.off", mesh);
-  EXPECT_THAT(found, IsOk());
-  return *found;
-}
-
 /// What cleaning says where a server does it: of the mesh as it is sent.
 std::vector<std::string> WarningsOfAMatch(const TriangleMesh& mesh) {
   const absl::StatusOr<EncodedMesh> encoded = EncodeDraco(mesh);
@@ -66,7 +58,7 @@ std::vector<std::string> WarningsOfAMatch(const TriangleMesh& mesh) {
 }
 
 std::string TurnedFaces(const TriangleMesh& mesh) {
-  return absl::StrCat(Inspect(mesh).turned_faces,
+  return absl::StrCat(InspectMesh(mesh).turned_faces,
                       " faces turned to point outwards");
 }
 
@@ -97,8 +89,7 @@ TriangleMesh OpenBox() {
 
 TEST(MeshInspectionTest, ASphereIsAsGoodAsItGets) {
   const TriangleMesh sphere = UnitSphere(3);
-  const MeshInspection found = Inspect(sphere);
-  EXPECT_EQ(found.format, "OFF");
+  const MeshInspection found = InspectMesh(sphere);
   EXPECT_EQ(found.vertices, 642);
   EXPECT_EQ(found.faces, 1280);
   ASSERT_EQ(found.components.size(), 1u);
@@ -113,14 +104,14 @@ TEST(MeshInspectionTest, ASphereIsAsGoodAsItGets) {
 }
 
 TEST(MeshInspectionTest, ATorusHasGenusOne) {
-  const MeshInspection found = Inspect(Torus(30, 15));
+  const MeshInspection found = InspectMesh(Torus(30, 15));
   EXPECT_EQ(found.components.at(0).Genus(), 1);
   EXPECT_EQ(found.turn, FaceTurn::kOutward);
   EXPECT_THAT(found.warnings, IsEmpty());
 }
 
 TEST(MeshInspectionTest, AnOpenBoxHasOneRimOnceItsSeamsAreJoined) {
-  const MeshInspection found = Inspect(OpenBox());
+  const MeshInspection found = InspectMesh(OpenBox());
   ASSERT_EQ(found.components.size(), 1u);
   EXPECT_EQ(found.components[0].boundary_loops, 1);
   EXPECT_EQ(found.components[0].Genus(), 0);
@@ -138,13 +129,13 @@ TEST(MeshInspectionTest, ComponentsAreToldByArea) {
   const TriangleMesh sphere = UnitSphere(2);
   const DirtyMesh large =
       Joined(Untouched(sphere), Untouched(Moved(sphere, 2)), 1000);
-  const MeshInspection two = Inspect(large.mesh);
+  const MeshInspection two = InspectMesh(large.mesh);
   ASSERT_EQ(two.components.size(), 2u);
   EXPECT_NEAR(two.components[0].area / two.components[1].area, 4, 1e-6);
   EXPECT_EQ(two.large_components, 2);
   EXPECT_THAT(two.warnings, ElementsAre(HasSubstr("2 large components")));
-  const MeshInspection three =
-      Inspect(Joined(large, Untouched(Moved(UnitSphere(1), 0.1)), 2000).mesh);
+  const MeshInspection three = InspectMesh(
+      Joined(large, Untouched(Moved(UnitSphere(1), 0.1)), 2000).mesh);
   EXPECT_EQ(three.large_components, 2);
   EXPECT_THAT(three.warnings, Contains(HasSubstr("1 small components")));
 }
@@ -157,21 +148,21 @@ TEST(MeshInspectionTest, OrientationIsToldAsTheFileHasIt) {
   const FacePredicate one = [](const TriangleMesh&, VertexIndex face) {
     return face == 17;
   };
-  const MeshInspection inward = Inspect(WithFlippedFaces(sphere, all).mesh);
+  const MeshInspection inward = InspectMesh(WithFlippedFaces(sphere, all).mesh);
   EXPECT_EQ(inward.turn, FaceTurn::kInward);
   EXPECT_EQ(inward.turned_faces, 1280);
   EXPECT_EQ(inward.disagreeing_edges, 0);
-  const MeshInspection torn = Inspect(WithFlippedFaces(sphere, one).mesh);
+  const MeshInspection torn = InspectMesh(WithFlippedFaces(sphere, one).mesh);
   EXPECT_EQ(torn.turn, FaceTurn::kInconsistent);
   EXPECT_EQ(torn.turned_faces, 1);
   EXPECT_EQ(torn.disagreeing_edges, 3);
-  const MeshInspection mixed = Inspect(
+  const MeshInspection mixed = InspectMesh(
       Joined(sphere, WithFlippedFaces(Untouched(Moved(UnitSphere(2), 1)), all),
              1000)
           .mesh);
   EXPECT_EQ(mixed.turn, FaceTurn::kMixed);
   EXPECT_EQ(mixed.turned_faces, 320);
-  EXPECT_EQ(Inspect(PlaneGrid(20, 20, 1, 1)).turn, FaceTurn::kFlat);
+  EXPECT_EQ(InspectMesh(PlaneGrid(20, 20, 1, 1)).turn, FaceTurn::kFlat);
 }
 
 // A sheet encloses nothing, so its first face decides how the others turn;
@@ -193,25 +184,26 @@ TEST(MeshInspectionTest, DamageIsCounted) {
   const FacePredicate some = [](const TriangleMesh&, VertexIndex face) {
     return face % 128 == 5;
   };
-  EXPECT_EQ(Inspect(WithRepeatedFaces(sphere, some).mesh).repeated_faces, 10);
+  EXPECT_EQ(InspectMesh(WithRepeatedFaces(sphere, some).mesh).repeated_faces,
+            10);
   // The first of two faces stays, and in the order in which a server sees them
   // that may be the copy, which is turned.
   const TriangleMesh repeated = WithRepeatedFaces(sphere, some).mesh;
   EXPECT_THAT(WarningsOfAMatch(repeated), Contains(TurnedFaces(repeated)));
-  const MeshInspection lone = Inspect(WithLoneVertices(sphere, 4).mesh);
+  const MeshInspection lone = InspectMesh(WithLoneVertices(sphere, 4).mesh);
   EXPECT_EQ(lone.isolated_vertices, 4);
   // They are far away, and no part of the surface.
   EXPECT_LE(lone.box_high.maxCoeff(), 1);
-  EXPECT_EQ(Inspect(WithFins(sphere, some).mesh).nonmanifold_edges, 10);
+  EXPECT_EQ(InspectMesh(WithFins(sphere, some).mesh).nonmanifold_edges, 10);
   // Where the middle of an edge is exact in single precision.
   const DirtyMesh plane = Untouched(PlaneGrid(16, 16, 1, 1));
-  EXPECT_EQ(Inspect(WithFlatFaces(plane, some).mesh).flat_faces, 4);
-  EXPECT_EQ(Inspect(WithTouchingTetrahedra(sphere, some, 0.01).mesh)
+  EXPECT_EQ(InspectMesh(WithFlatFaces(plane, some).mesh).flat_faces, 4);
+  EXPECT_EQ(InspectMesh(WithTouchingTetrahedra(sphere, some, 0.01).mesh)
                 .nonmanifold_vertices,
             10);
   const TriangleMesh corners = WithRepeatedCorners(sphere, some).mesh;
-  EXPECT_EQ(Inspect(corners).degenerate_faces, corners.num_faces() - 1280);
-  EXPECT_EQ(Inspect(TriangleSoup(sphere).mesh).coincident_vertices,
+  EXPECT_EQ(InspectMesh(corners).degenerate_faces, corners.num_faces() - 1280);
+  EXPECT_EQ(InspectMesh(TriangleSoup(sphere).mesh).coincident_vertices,
             3 * 1280 - 642);
 }
 
@@ -221,8 +213,8 @@ TEST(MeshInspectionTest, WhereAMeshLiesDoesNotMatter) {
   TriangleMesh far = near;
   const Eigen::RowVector3d shift(500'000, 4'500'000, 120);
   far.positions.rowwise() += shift;
-  const MeshInspection here = Inspect(near);
-  const MeshInspection there = Inspect(far);
+  const MeshInspection here = InspectMesh(near);
+  const MeshInspection there = InspectMesh(far);
   EXPECT_THAT(there.warnings, IsEmpty());
   EXPECT_EQ(there.flat_faces, here.flat_faces);
   EXPECT_EQ(there.coincident_vertices, 0);
@@ -233,27 +225,19 @@ TEST(MeshInspectionTest, WhereAMeshLiesDoesNotMatter) {
 }
 
 TEST(MeshInspectionTest, WhatMayHarmAMatchIsSaid) {
-  EXPECT_THAT(Inspect(Tetrahedron()).warnings,
+  EXPECT_THAT(InspectMesh(Tetrahedron()).warnings,
               Contains(HasSubstr("only 4 vertices")));
   TriangleMesh rounded = Shifted(UnitSphere(3), 1e6);
   rounded.positions = rounded.positions.cast<float>().cast<double>().eval();
-  EXPECT_THAT(Inspect(rounded).warnings,
+  EXPECT_THAT(InspectMesh(rounded).warnings,
               Contains(HasSubstr("away from the origin")));
   TriangleMesh thread = UnitSphere(3);
   thread.positions.col(2) *= 10'000;
-  EXPECT_THAT(Inspect(thread).warnings,
+  EXPECT_THAT(InspectMesh(thread).warnings,
               Contains(HasSubstr("tiny for a bounding box")));
   const DirtyMesh sphere = Untouched(UnitSphere(3));
-  EXPECT_THAT(Inspect(WithFins(sphere, AtRandom(0.01, 3)).mesh).warnings,
+  EXPECT_THAT(InspectMesh(WithFins(sphere, AtRandom(0.01, 3)).mesh).warnings,
               Contains(HasSubstr("edges with three or more faces")));
-}
-
-TEST(MeshInspectionTest, TheFormatIsToldFromTheFile) {
-  const TemporaryFolder folder;
-  const std::string path = folder.Path("mesh.ply");
-  ASSERT_THAT(WriteMesh(path, UnitSphere(2)), IsOk());
-  EXPECT_EQ(InspectMesh(path, UnitSphere(2))->format,
-            "PLY, binary little endian");
 }
 
 /// Vertices and seconds of the README's table of times.
@@ -320,12 +304,12 @@ TEST(EstimateCostTest, MemoryIsWhatTheServerReserves) {
 
 TEST(MeshInspectionTest, VerticesThatAreOneInSinglePrecisionAreOne) {
   TriangleMesh seam = OpenBox();
-  const int joined = Inspect(seam).coincident_vertices;
+  const int joined = InspectMesh(seam).coincident_vertices;
   ASSERT_GT(joined, 0);
   for (VertexIndex v = 0; v < seam.num_vertices(); v += 2) {
     seam.positions.row(v) *= 1 + 1e-12;
   }
-  EXPECT_EQ(Inspect(seam).coincident_vertices, joined);
+  EXPECT_EQ(InspectMesh(seam).coincident_vertices, joined);
 }
 
 TEST(EstimateCostTest, EachLimitRefuses) {
@@ -346,7 +330,8 @@ TEST(InspectionReportTest, TextAndJsonSayTheSame) {
   const DirtyMesh dirty = WithLoneVertices(Untouched(Torus(30, 15)), 1);
   InspectionReport report;
   report.path = "torus.off";
-  report.mesh = Inspect(dirty.mesh);
+  report.format = "OFF";
+  report.mesh = InspectMesh(dirty.mesh);
   report.cost = *EstimateCost(dirty.mesh, ServerInfo());
   const std::string text = FormatInspection(report);
   EXPECT_THAT(text, HasSubstr("torus.off: OFF, 451 vertices, 900 faces"));
@@ -370,7 +355,7 @@ TEST(InspectionReportTest, ManyComponentsAreSummedUp) {
     many = Joined(many, Untouched(Moved(Tetrahedron(), 1 + i)), 100);
   }
   InspectionReport report;
-  report.mesh = Inspect(many.mesh);
+  report.mesh = InspectMesh(many.mesh);
   EXPECT_THAT(FormatInspection(report), HasSubstr("and 3 more, area"));
   EXPECT_EQ(InspectionJson(report)["components"].size(), 8u);
 }
