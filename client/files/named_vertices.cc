@@ -7,7 +7,6 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_split.h"
 #include "client/files/text_file.h"
 #include "core/base/status_macros.h"
 
@@ -50,13 +49,10 @@ absl::StatusOr<std::vector<NamedVertex>> ReadNamedVertices(
     is_on_face[static_cast<std::size_t>(corner)] = true;
   }
   std::vector<NamedVertex> vertices;
-  int line = 0;
-  for (absl::string_view row : absl::StrSplit(text, '\n')) {
-    ++line;
-    row = absl::StripAsciiWhitespace(row.substr(0, row.find('#')));
-    if (row.empty()) continue;
-    ISOMATCH_ASSIGN_OR_RETURN(NamedVertex vertex,
-                              ParseLine(path, line, row, is_on_face));
+  for (LineCursor rows = {text}; rows.Next();) {
+    ISOMATCH_ASSIGN_OR_RETURN(
+        NamedVertex vertex,
+        ParseLine(path, rows.number, rows.line, is_on_face));
     vertices.push_back(std::move(vertex));
   }
   if (!vertices.empty()) return vertices;

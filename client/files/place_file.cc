@@ -6,7 +6,6 @@
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_split.h"
 #include "client/files/map_file.h"
 #include "client/files/text_file.h"
 #include "core/base/status_macros.h"
@@ -21,18 +20,13 @@ constexpr std::size_t kPreciseColumns = 4;
 // understood too.
 constexpr double kWeightTolerance = 0.002;
 
-Words WordsOf(absl::string_view row) {
-  return absl::StrSplit(row.substr(0, row.find('#')), absl::ByAnyChar(" \t\r,"),
-                        absl::SkipEmpty());
-}
+constexpr char kBlanks[] = " \t\r,";
 
 // Whether the first line that has numbers has those of a precise place.
 bool IsPrecise(absl::string_view text) {
-  for (const absl::string_view row : absl::StrSplit(text, '\n')) {
-    const Words words = WordsOf(row);
-    if (!words.empty()) return words.size() == kPreciseColumns;
-  }
-  return false;
+  LineCursor rows = {text};
+  return rows.Next() &&
+         SplitWords(rows.line, kBlanks).size() == kPreciseColumns;
 }
 
 absl::StatusOr<SurfacePoint> ParsePlace(const std::string& path, int line,
@@ -92,13 +86,10 @@ absl::StatusOr<PlacesOnY> ParsePlaces(const std::string& path,
                                       const TriangleMesh& mesh_y) {
   PlacesOnY places;
   places.is_precise = true;
-  int line = 0;
-  for (const absl::string_view row : absl::StrSplit(text, '\n')) {
-    ++line;
-    const Words words = WordsOf(row);
-    if (words.empty()) continue;
-    ISOMATCH_ASSIGN_OR_RETURN(const SurfacePoint point,
-                              ParsePlace(path, line, words, mesh_y));
+  for (LineCursor rows = {text}; rows.Next();) {
+    ISOMATCH_ASSIGN_OR_RETURN(
+        const SurfacePoint point,
+        ParsePlace(path, rows.number, SplitWords(rows.line, kBlanks), mesh_y));
     places.on_faces.push_back(point);
     places.points.push_back(ToPrecise(point, mesh_y.faces));
   }

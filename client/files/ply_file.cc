@@ -42,8 +42,8 @@ absl::StatusOr<PlyType> ParseType(absl::string_view name) {
     if (name == known) return type;
   }
   return absl::InvalidArgumentError(
-      absl::StrCat("the header's type '", name.substr(0, 40),
-                   "' is unknown, expected e.g. float or int"));
+      absl::StrCat("the header's type ", Quoted(name),
+                   " is unknown, expected e.g. float or int"));
 }
 
 absl::StatusOr<PlyFormat> ParseFormat(absl::string_view word) {
@@ -51,8 +51,8 @@ absl::StatusOr<PlyFormat> ParseFormat(absl::string_view word) {
   if (word == "binary_little_endian") return PlyFormat::kLittleEndian;
   if (word == "binary_big_endian") return PlyFormat::kBigEndian;
   return absl::InvalidArgumentError(
-      absl::StrCat("the header's format is '", word.substr(0, 40),
-                   "', expected ascii, binary_little_endian or "
+      absl::StrCat("the header's format is ", Quoted(word),
+                   ", expected ascii, binary_little_endian or "
                    "binary_big_endian"));
 }
 

@@ -4,6 +4,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <charconv>
@@ -27,13 +28,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
-std::string Quoted(const std::string& path) {
-  return absl::StrCat("'", path, "'");
+std::string InQuotes(absl::string_view text) {
+  return absl::StrCat("'", text, "'");
 }
 
 absl::Status OutputError(const std::string& path, int error) {
-  const std::string message =
-      absl::StrCat(Quoted(path), ": cannot be written: ", std::strerror(error));
+  const std::string message = absl::StrCat(
+      InQuotes(path), ": cannot be written: ", std::strerror(error));
   const bool disk = error == ENOSPC || error == EIO || error == EDQUOT;
   return disk ? absl::UnavailableError(message)
               : absl::InvalidArgumentError(message);
@@ -90,21 +91,21 @@ absl::Status CheckInputFile(const std::string& path, const std::string& what) {
   const fs::file_status status = fs::status(path, error);
   if (status.type() == fs::file_type::not_found) {
     return absl::NotFoundError(
-        absl::StrCat(Quoted(path), ": no such file, expected ", what));
+        absl::StrCat(InQuotes(path), ": no such file, expected ", what));
   }
   if (error || status.type() != fs::file_type::regular) {
     const char* found =
         fs::is_directory(status) ? "a directory" : "not a regular file";
     return absl::InvalidArgumentError(
-        absl::StrCat(Quoted(path), ": ", found, ", expected ", what));
+        absl::StrCat(InQuotes(path), ": ", found, ", expected ", what));
   }
   if (fs::file_size(path, error) == 0) {
     return absl::InvalidArgumentError(
-        absl::StrCat(Quoted(path), ": the file is empty, expected ", what));
+        absl::StrCat(InQuotes(path), ": the file is empty, expected ", what));
   }
   if (access(path.c_str(), R_OK) != 0) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(Quoted(path), ": cannot be read: ", std::strerror(errno)));
+    return absl::InvalidArgumentError(absl::StrCat(
+        InQuotes(path), ": cannot be read: ", std::strerror(errno)));
   }
   return absl::OkStatus();
 }
@@ -117,7 +118,7 @@ absl::StatusOr<std::string> ReadFile(const std::string& path,
   bytes << file.rdbuf();
   if (!file || !bytes) {
     return absl::InvalidArgumentError(
-        absl::StrCat(Quoted(path), ": cannot be read to its end"));
+        absl::StrCat(InQuotes(path), ": cannot be read to its end"));
   }
   return std::move(bytes).str();
 }
@@ -125,14 +126,14 @@ absl::StatusOr<std::string> ReadFile(const std::string& path,
 absl::Status CheckOutputFile(const std::string& path) {
   std::error_code error;
   if (fs::is_directory(path, error)) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(Quoted(path), ": a directory, expected a file to write"));
+    return absl::InvalidArgumentError(absl::StrCat(
+        InQuotes(path), ": a directory, expected a file to write"));
   }
   const fs::path folder = FolderOf(path);
   if (!fs::is_directory(folder, error)) {
     return absl::InvalidArgumentError(
-        absl::StrCat(Quoted(path), ": there is no folder ",
-                     Quoted(folder.string()), " to write it to"));
+        absl::StrCat(InQuotes(path), ": there is no folder ",
+                     InQuotes(folder.string()), " to write it to"));
   }
   if (!IsDevice(path) && access(folder.c_str(), W_OK) != 0) {
     return OutputError(path, errno);
@@ -160,25 +161,33 @@ absl::Status WriteFileAtomically(const std::string& path,
   return OutputError(path, error);
 }
 
+bool LineCursor::Next() {
+  while (!rest.empty()) {
+    const std::size_t end = std::min(rest.find('\n'), rest.size() - 1);
+    line = rest.substr(0, end + 1);
+    line = absl::StripAsciiWhitespace(line.substr(0, line.find('#')));
+    rest.remove_prefix(end + 1);
+    ++number;
+    if (!line.empty()) return true;
+  }
+  return false;
+}
+
 absl::StatusOr<std::vector<NumberLine>> ParseNumberLines(
     const std::string& path, absl::string_view text) {
   std::vector<NumberLine> lines;
-  int line = 0;
-  for (absl::string_view row : absl::StrSplit(text, '\n')) {
-    ++line;
-    row = row.substr(0, row.find('#'));
+  for (LineCursor rows = {text}; rows.Next();) {
     std::vector<std::int64_t> numbers;
-    for (const absl::string_view word :
-         absl::StrSplit(row, absl::ByAnyChar(" \t\r,"), absl::SkipEmpty())) {
+    for (const absl::string_view word : SplitWords(rows.line, " \t\r,")) {
       std::int64_t number = 0;
       if (!absl::SimpleAtoi(word, &number)) {
-        return LineError(path, line,
-                         absl::StrCat("found '", word.substr(0, 40),
-                                      "', expected a whole number"));
+        return LineError(
+            path, rows.number,
+            absl::StrCat("found ", Quoted(word), ", expected a whole number"));
       }
       numbers.push_back(number);
     }
-    if (!numbers.empty()) lines.push_back({line, std::move(numbers)});
+    if (!numbers.empty()) lines.push_back({rows.number, std::move(numbers)});
   }
   return lines;
 }
@@ -191,12 +200,18 @@ absl::StatusOr<std::int64_t> ParseHeaderCount(absl::string_view word,
     return count;
   }
   return absl::InvalidArgumentError(
-      absl::StrCat("the header's number of ", of, " is '", word.substr(0, 40),
-                   "', expected 0 to ", kMaxCount));
+      absl::StrCat("the header's number of ", of, " is ", Quoted(word),
+                   ", expected 0 to ", kMaxCount));
 }
 
-std::vector<absl::string_view> SplitWords(absl::string_view line) {
-  return absl::StrSplit(line, absl::ByAnyChar(" \t\r\n"), absl::SkipEmpty());
+std::vector<absl::string_view> SplitWords(absl::string_view line,
+                                          absl::string_view blanks) {
+  return absl::StrSplit(line, absl::ByAnyChar(blanks), absl::SkipEmpty());
+}
+
+std::string Quoted(absl::string_view word) {
+  constexpr std::size_t kMostShown = 40;
+  return InQuotes(word.substr(0, kMostShown));
 }
 
 void AppendNumber(double number, std::string* text) {
@@ -214,7 +229,7 @@ std::string LowerExtension(const std::string& path) {
 absl::Status LineError(const std::string& path, int line,
                        const std::string& what) {
   return absl::InvalidArgumentError(
-      absl::StrCat(Quoted(path), ", line ", line, ": ", what));
+      absl::StrCat(InQuotes(path), ", line ", line, ": ", what));
 }
 
 }  // namespace isomatch

@@ -34,6 +34,19 @@ absl::Status WriteFileAtomically(const std::string& path,
 /// long work.
 absl::Status CheckOutputFile(const std::string& path);
 
+/// Goes over the lines of a text: without what follows a #, without blanks at
+/// both ends, and without those that are then empty.
+struct LineCursor {
+  /// What was not gone over yet; it outlives the lines.
+  absl::string_view rest;
+  absl::string_view line = {};
+  /// 1-based, in the text.
+  int number = 0;
+
+  /// Goes to the next line; false at the end.
+  bool Next();
+};
+
 /// One line of numbers.
 struct NumberLine {
   /// 1-based, in the file.
@@ -52,8 +65,12 @@ absl::StatusOr<std::vector<NumberLine>> ParseNumberLines(
 absl::StatusOr<std::int64_t> ParseHeaderCount(absl::string_view word,
                                               const std::string& of);
 
-/// Returns the words of a line, which blanks separate.
-std::vector<absl::string_view> SplitWords(absl::string_view line);
+/// Returns the words of a line, which `blanks` separate.
+std::vector<absl::string_view> SplitWords(absl::string_view line,
+                                          absl::string_view blanks = " \t\r\n");
+
+/// The word in quotes, cut short where it is long.
+std::string Quoted(absl::string_view word);
 
 /// Appends the shortest text that reads back as the same number.
 void AppendNumber(double number, std::string* text);

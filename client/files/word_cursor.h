@@ -6,6 +6,7 @@
 
 #include "absl/strings/string_view.h"
 #include "absl/types/span.h"
+#include "client/files/text_file.h"
 
 namespace isomatch {
 
@@ -14,7 +15,7 @@ namespace isomatch {
 class WordCursor {
  public:
   /// `text` outlives this and its words.
-  explicit WordCursor(absl::string_view text) : rest_(text) {}
+  explicit WordCursor(absl::string_view text) : lines_{text} {}
 
   /// The next word; "" at the end.
   absl::string_view Take();
@@ -29,20 +30,14 @@ class WordCursor {
   absl::Span<const absl::string_view> TakeRestOfLine();
 
   /// Of the last word taken, counted from 1, and in words, "line 3".
-  int line() const { return line_; }
+  int line() const { return lines_.number; }
   std::string Place() const;
 
  private:
-  void TakeLine();
-
-  absl::string_view rest_;
+  LineCursor lines_;
   std::vector<absl::string_view> words_;
   std::size_t next_ = 0;
-  int line_ = 0;
 };
-
-/// The word in quotes, cut short where it is long.
-std::string Quoted(absl::string_view word);
 
 /// Whether a word is a finite number, which it then is.
 bool ReadFinite(absl::string_view word, double* number);

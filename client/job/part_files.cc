@@ -5,10 +5,8 @@
 
 #include <nlohmann/json.hpp>
 
-#include "absl/strings/ascii.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_split.h"
 #include "client/files/face_finder.h"
 #include "client/files/text_file.h"
 #include "core/base/status_macros.h"
@@ -55,17 +53,13 @@ absl::StatusOr<std::vector<float>> ReadConfidence(const std::string& path,
       const std::string text,
       ReadFile(path, "confidence: one number from 0 to 1 a line"));
   std::vector<float> confidence;
-  int line = 0;
-  for (absl::string_view row : absl::StrSplit(text, '\n')) {
-    ++line;
-    row = absl::StripAsciiWhitespace(row.substr(0, row.find('#')));
-    if (row.empty()) continue;
+  for (LineCursor rows = {text}; rows.Next();) {
     float value = 0;
     // The comparison is false for NaN.
-    if (!absl::SimpleAtof(row, &value) || !(0 <= value && value <= 1)) {
-      return LineError(path, line,
-                       absl::StrCat("found '", row.substr(0, 40),
-                                    "', expected one number from 0 to 1"));
+    if (!absl::SimpleAtof(rows.line, &value) || !(0 <= value && value <= 1)) {
+      return LineError(path, rows.number,
+                       absl::StrCat("found ", Quoted(rows.line),
+                                    ", expected one number from 0 to 1"));
     }
     confidence.push_back(value);
   }
