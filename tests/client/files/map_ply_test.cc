@@ -1,15 +1,18 @@
 #include "client/files/map_ply.h"
 
 #include <cmath>
+#include <cstddef>
+#include <cstdint>
 #include <map>
+#include <sstream>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "client/files/mesh_file.h"
-#include "client/files/ply_file.h"
 #include "tests/support/matchers.h"
 #include "tests/support/shapes.h"
 #include "tests/support/temporary_folder.h"
@@ -17,16 +20,34 @@
 namespace isomatch {
 namespace {
 
-/// The vertices of a PLY file, by the names of their properties.
+/// The vertices of a PLY file as FormatPly writes it, by the names of their
+/// properties.
 std::map<std::string, std::vector<double>> VertexColumns(
-    absl::string_view bytes) {
+    const std::string& bytes) {
+  std::istringstream file(bytes);
+  std::size_t vertices = 0;
+  // Types and names.
+  std::vector<std::pair<std::string, std::string>> properties;
+  for (std::string line; std::getline(file, line) && line != "end_header";) {
+    std::istringstream words(line);
+    std::string kind;
+    std::string type;
+    std::string name;
+    words >> kind >> type >> name;
+    if (kind == "element" && type == "vertex") vertices = std::stoul(name);
+    if (kind == "property" && type != "list")
+      properties.push_back({type, name});
+  }
+  const auto take = [&](auto value) {
+    file.read(reinterpret_cast<char*>(&value), sizeof(value));
+    return static_cast<double>(value);
+  };
   std::map<std::string, std::vector<double>> columns;
-  const absl::StatusOr<PlyHeader> header = TakePlyHeader(bytes);
-  PlyBody body(bytes, header->format);
-  const PlyElement& vertex = header->elements.at(0);
-  for (std::int64_t v = 0; v < vertex.count; ++v) {
-    for (const PlyProperty& property : vertex.properties) {
-      columns[property.name].push_back(*body.TakeNumber(property.type));
+  for (std::size_t v = 0; v < vertices; ++v) {
+    for (const auto& [type, name] : properties) {
+      columns[name].push_back(type == "float" ? take(float{})
+                              : type == "int" ? take(std::int32_t{})
+                                              : take(std::uint8_t{}));
     }
   }
   return columns;
