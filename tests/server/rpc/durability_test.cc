@@ -278,5 +278,43 @@ TEST_F(DurabilityTest, InfoSaysWhatIsKept) {
   EXPECT_EQ(info.job_retention().seconds(), 7 * 24 * 3600);
 }
 
+// Written by the last commit whose records had no JobResult::info: a job of two
+// samples of 120 vertices, by the paper's profile, with two landmarks.
+TEST_F(DurabilityTest, ResultsOfVersionThreeAreServed) {
+  server_.reset();
+  std::filesystem::remove_all(folder_.Path("data"));
+  std::filesystem::copy(
+      std::filesystem::path(ISOMATCH_STORAGE_DATA) / "version3",
+      folder_.Path("data"), std::filesystem::copy_options::recursive);
+  Again();
+  const std::string name = "jobs/f733fb4f2dc432c570ee4528e05317c5";
+  const v1::Job job = GetJob(name);
+  EXPECT_EQ(job.state(), v1::Job::STATE_SUCCEEDED);
+  EXPECT_EQ(job.progress().stage(), v1::STAGE_QUALITY);
+  const v1::ResultInfo& result = job.result();
+  EXPECT_EQ(result.mesh_x().vertices(), 120);
+  EXPECT_EQ(result.mesh_y().faces(), 236);
+  EXPECT_EQ(result.mesh_x().area(), 1.238380657563566);
+  EXPECT_EQ(result.verdict().level(), v1::Verdict::LEVEL_BAD);
+  EXPECT_THAT(result.verdict().reason(), HasSubstr("mean confidence 0.39"));
+  ASSERT_EQ(result.landmarks_size(), 2);
+  EXPECT_FALSE(result.landmarks(1).kept());
+  EXPECT_EQ(result.landmarks(1).y_found(), 69);
+  EXPECT_EQ(result.landmarks(1).distance(), 0.15155982971191406);
+  EXPECT_EQ(result.orientation_score(), 0.5254585411877333);
+  EXPECT_EQ(result.scores().rank_value(), -0.008965138226064656);
+  EXPECT_EQ(result.quality().area_distortion(), 1.450155587702353);
+  EXPECT_EQ(result.profile(), v1::PROFILE_PAPER);
+  EXPECT_EQ(result.random_seed(), 1);
+  EXPECT_THAT(result.warnings(), testing::ElementsAre(HasSubstr("landmarks")));
+  ASSERT_EQ(result.stage_times_size(), 9);
+  EXPECT_EQ(result.stage_times(7).stage(), v1::STAGE_ZOOMOUT);
+  EXPECT_EQ(result.stage_times(7).seconds(), 0.03548234);
+  EXPECT_EQ(result.stage_times(8).stage(), v1::STAGE_QUALITY);
+  std::string map;
+  EXPECT_TRUE(Download(name, map).ok());
+  EXPECT_EQ(map.size(), 4 * 120);
+}
+
 }  // namespace
 }  // namespace isomatch
