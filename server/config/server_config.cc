@@ -89,56 +89,63 @@ absl::Status CheckBytesOfHalf(absl::string_view field, std::int64_t value,
                     {range.least, std::min(range.most, blob_store_bytes / 2)});
 }
 
-absl::Status CheckCounts(const ServerConfig& config) {
-  using Config = ServerConfig;
-  struct Count {
-    absl::string_view field;
-    std::int64_t value;
-    IntRange range;
-  };
-  for (const Count& count : std::initializer_list<Count>{
-           {"--workers", config.workers, Config::kWorkers},
-           {"--threads-per-job", config.threads_per_job,
-            Config::kThreadsPerJob},
-           {"--max-queued-jobs", config.max_queued_jobs,
-            Config::kMaxQueuedJobs},
-           {"--max-queued-jobs-per-tenant", config.max_queued_jobs_per_tenant,
-            Config::kPerTenant},
-           {"--max-running-jobs-per-tenant", config.max_running_jobs_per_tenant,
-            Config::kPerTenant},
-           {"--max-kept-jobs-per-tenant", config.max_kept_jobs_per_tenant,
-            Config::kPerTenant},
-           {"--max-uploads-per-tenant", config.max_uploads_per_tenant,
-            Config::kPerTenant},
-           {"--max-requests-per-tenant", config.max_requests_per_tenant,
-            Config::kPerTenant},
-           {"--max-priority", config.max_priority, Config::kMaxPriority},
-           {"--max-kept-jobs", config.max_kept_jobs, Config::kMaxKeptJobs},
-           {"--max-connections", config.max_connections,
-            Config::kMaxConnections},
-           {"--max-connections-per-address", config.max_connections_per_address,
-            Config::kMaxConnections}}) {
-    ISOMATCH_RETURN_IF_ERROR(CheckCount(count.field, count.value, count.range));
+/// What a flag says, and what it may.
+template <typename Value, typename Range>
+struct Setting {
+  absl::string_view field;
+  Value value;
+  Range range;
+};
+
+/// The first error of `check`.
+template <typename Value, typename Range>
+absl::Status CheckEach(absl::Status (*check)(absl::string_view, Value,
+                                             const Range&),
+                       std::initializer_list<Setting<Value, Range>> settings) {
+  for (const Setting<Value, Range>& setting : settings) {
+    ISOMATCH_RETURN_IF_ERROR(
+        check(setting.field, setting.value, setting.range));
   }
   return absl::OkStatus();
 }
 
+absl::Status CheckCounts(const ServerConfig& config) {
+  using Config = ServerConfig;
+  return CheckEach<std::int64_t, IntRange>(
+      CheckCount,
+      {{"--workers", config.workers, Config::kWorkers},
+       {"--threads-per-job", config.threads_per_job, Config::kThreadsPerJob},
+       {"--max-queued-jobs", config.max_queued_jobs, Config::kMaxQueuedJobs},
+       {"--max-queued-jobs-per-tenant", config.max_queued_jobs_per_tenant,
+        Config::kPerTenant},
+       {"--max-running-jobs-per-tenant", config.max_running_jobs_per_tenant,
+        Config::kPerTenant},
+       {"--max-kept-jobs-per-tenant", config.max_kept_jobs_per_tenant,
+        Config::kPerTenant},
+       {"--max-uploads-per-tenant", config.max_uploads_per_tenant,
+        Config::kPerTenant},
+       {"--max-requests-per-tenant", config.max_requests_per_tenant,
+        Config::kPerTenant},
+       {"--max-priority", config.max_priority, Config::kMaxPriority},
+       {"--max-kept-jobs", config.max_kept_jobs, Config::kMaxKeptJobs},
+       {"--max-connections", config.max_connections, Config::kMaxConnections},
+       {"--max-connections-per-address", config.max_connections_per_address,
+        Config::kMaxConnections}});
+}
+
 absl::Status CheckSizes(const ServerConfig& config) {
   using Config = ServerConfig;
-  ISOMATCH_RETURN_IF_ERROR(CheckBytes("--memory-budget",
-                                      config.memory_budget_bytes,
-                                      Config::kMemoryBudgetBytes));
-  ISOMATCH_RETURN_IF_ERROR(CheckBytes("--max-resident-bytes",
-                                      config.max_resident_bytes,
-                                      Config::kMemoryBudgetBytes));
-  ISOMATCH_RETURN_IF_ERROR(CheckBytes(
-      "--blob-store-bytes", config.blob_store_bytes, Config::kBlobStoreBytes));
-  ISOMATCH_RETURN_IF_ERROR(CheckBytes("--prepared-cache-bytes",
-                                      config.prepared_cache_bytes,
-                                      Config::kPreparedCacheBytes));
-  ISOMATCH_RETURN_IF_ERROR(CheckBytes("--prepared-store-bytes",
-                                      config.prepared_store_bytes,
-                                      Config::kPreparedCacheBytes));
+  ISOMATCH_RETURN_IF_ERROR((CheckEach<std::int64_t, IntRange>(
+      CheckBytes,
+      {{"--memory-budget", config.memory_budget_bytes,
+        Config::kMemoryBudgetBytes},
+       {"--max-resident-bytes", config.max_resident_bytes,
+        Config::kMemoryBudgetBytes},
+       {"--blob-store-bytes", config.blob_store_bytes, Config::kBlobStoreBytes},
+       {"--prepared-cache-bytes", config.prepared_cache_bytes,
+        Config::kPreparedCacheBytes},
+       {"--prepared-store-bytes", config.prepared_store_bytes,
+        Config::kPreparedCacheBytes}})));
   ISOMATCH_RETURN_IF_ERROR(
       CheckBytesOfHalf("--max-request-bytes", config.max_request_bytes,
                        Config::kMaxRequestBytes, config.blob_store_bytes));
@@ -154,27 +161,19 @@ absl::Status CheckSizes(const ServerConfig& config) {
 
 absl::Status CheckTimes(const ServerConfig& config) {
   using Config = ServerConfig;
-  struct Time {
-    absl::string_view field;
-    absl::Duration value;
-    DurationRange range;
-  };
-  for (const Time& time : std::initializer_list<Time>{
-           {"--max-run-time", config.max_run_time, Config::kMaxRunTime},
-           {"--unresponsive-grace", config.unresponsive_grace,
-            Config::kUnresponsiveGrace},
-           {"--drain-timeout", config.drain_timeout, Config::kDrainTimeout},
-           {"--job-retention", config.job_retention, Config::kJobRetention},
-           {"--watch-heartbeat", config.watch_heartbeat, Config::kStreamTimes},
-           {"--upload-idle-timeout", config.upload_idle_timeout,
-            Config::kStreamTimes},
-           {"--partial-upload-kept", config.partial_upload_kept,
-            Config::kPartialUploadKept},
-           {"--unwatched-grace", config.unwatched_grace,
-            Config::kStreamTimes}}) {
-    ISOMATCH_RETURN_IF_ERROR(CheckDuration(time.field, time.value, time.range));
-  }
-  return absl::OkStatus();
+  return CheckEach<absl::Duration, DurationRange>(
+      CheckDuration,
+      {{"--max-run-time", config.max_run_time, Config::kMaxRunTime},
+       {"--unresponsive-grace", config.unresponsive_grace,
+        Config::kUnresponsiveGrace},
+       {"--drain-timeout", config.drain_timeout, Config::kDrainTimeout},
+       {"--job-retention", config.job_retention, Config::kJobRetention},
+       {"--watch-heartbeat", config.watch_heartbeat, Config::kStreamTimes},
+       {"--upload-idle-timeout", config.upload_idle_timeout,
+        Config::kStreamTimes},
+       {"--partial-upload-kept", config.partial_upload_kept,
+        Config::kPartialUploadKept},
+       {"--unwatched-grace", config.unwatched_grace, Config::kStreamTimes}});
 }
 
 }  // namespace
