@@ -17,10 +17,9 @@ ShapeSource Find(PreparedCache& cache, const std::optional<BlobKey>& key,
   return SharedMesh(std::move(mesh));
 }
 
-/// Keeps the shape if it has a name and was not found there.
-void KeepIfNew(PreparedCache& cache, const std::optional<BlobKey>& key,
-               bool is_new, const PreparedShape& shape) {
-  if (key && is_new) cache.Keep(*key, shape);
+void KeepIfNamed(PreparedCache& cache, const std::optional<BlobKey>& key,
+                 const PreparedShape& shape) {
+  if (key) cache.Keep(*key, shape);
 }
 
 }  // namespace
@@ -32,15 +31,13 @@ absl::StatusOr<Correspondence> MatchWithCache(const MatchEngine& engine,
                                               const std::stop_token& stop) {
   ShapeSource x = Find(cache, spec.prepared_x, std::move(spec.mesh_x), stop);
   ShapeSource y = Find(cache, spec.prepared_y, std::move(spec.mesh_y), stop);
-  const bool new_x = std::holds_alternative<SharedMesh>(x);
-  const bool new_y = std::holds_alternative<SharedMesh>(y);
   JoinedProgress joined(progress);
   ISOMATCH_ASSIGN_OR_RETURN(
       PreparedPair pair,
       engine.prepare_both(std::move(x), std::move(y), spec.options,
                           joined.OfPreparation(), stop));
-  KeepIfNew(cache, spec.prepared_x, new_x, pair.x);
-  KeepIfNew(cache, spec.prepared_y, new_y, pair.y);
+  KeepIfNamed(cache, spec.prepared_x, pair.x);
+  KeepIfNamed(cache, spec.prepared_y, pair.y);
   return engine.match(std::move(pair.x), std::move(pair.y), spec.landmarks,
                       spec.options, joined.OfMatching(), stop);
 }
