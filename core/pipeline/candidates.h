@@ -11,7 +11,6 @@
 #include "core/alignment/elastic_alignment.h"
 #include "core/base/vertex_index.h"
 #include "core/descriptor/nearby_match.h"
-#include "core/matching/first_stage.h"
 #include "core/pipeline/correspondence.h"
 #include "core/pipeline/match_options.h"
 #include "core/pipeline/prepared_mesh.h"
