@@ -112,7 +112,7 @@ class Server::Impl {
   const MemoryBudget& budget() const { return budget_; }
   int threads_per_job() const { return context_.parse.threads_per_job; }
   const RequestLimits& limits() const { return context_.parse.limits; }
-  JobManager::Load load() const { return manager_.load(); }
+  JobLoad load() const { return manager_.load(); }
   const ConnectionLimits& connection_limits() const {
     return plan_.connections;
   }
@@ -121,13 +121,13 @@ class Server::Impl {
   }
 
  private:
-  JobManager::Limits MakeJobLimits() const;
-  JobManager::Parts MakeJobParts();
+  JobLimits MakeJobLimits() const;
+  JobEnvironment MakeJobEnvironment();
   ServiceContext MakeContext();
   absl::Status OpenPort(grpc::ServerBuilder& builder);
   void HandOver(int socket);
   void OnState(const JobRecord& job);
-  JobManager::MemoryFigures ReadMemory() const;
+  MemoryFigures ReadMemory() const;
   LoadFigures ReadLoad();
   std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>
   MakeInterceptors();
@@ -208,7 +208,7 @@ Server::Impl::Impl(const ServerConfig& config, MatchEngine engine,
       disk_turns_(kAnyNumber, disk_.get()),
       watch_(std::make_unique<ThreadPool>(1)),
       partial_uploads_(&uploads_, timers_.get(), config.partial_upload_kept),
-      manager_(MakeJobLimits(), MakeJobParts()),
+      manager_(MakeJobEnvironment()),
       context_(MakeContext()),
       service_(context_) {}
 
@@ -225,8 +225,8 @@ Server::Impl::~Impl() {
   timers_.reset();
 }
 
-JobManager::Limits Server::Impl::MakeJobLimits() const {
-  JobManager::Limits limits;
+JobLimits Server::Impl::MakeJobLimits() const {
+  JobLimits limits;
   limits.workers = config_.workers;
   limits.max_queued_jobs = config_.max_queued_jobs;
   limits.tenant = plan_.tenant;
@@ -242,31 +242,31 @@ JobManager::Limits Server::Impl::MakeJobLimits() const {
   return limits;
 }
 
-JobManager::Parts Server::Impl::MakeJobParts() {
-  JobManager::Parts parts;
-  parts.jobs = stores_.jobs.get();
-  parts.blobs = stores_.blobs.get();
-  parts.budget = &budget_;
-  parts.runner = &runner_;
-  parts.workers = workers_.get();
-  parts.timers = timers_.get();
-  parts.now = absl::Now;
-  parts.new_id = RandomId;
-  parts.load_spec = [this](const JobRecord& record) {
+JobEnvironment Server::Impl::MakeJobEnvironment() {
+  const bool logs = !config_.listen.empty();
+  JobEnvironment environment;
+  environment.limits = MakeJobLimits();
+  environment.jobs = stores_.jobs.get();
+  environment.blobs = stores_.blobs.get();
+  environment.budget = &budget_;
+  environment.runner = &runner_;
+  environment.load_spec = [this](const JobRecord& record) {
     return LoadJobSpec(record, context_.parse);
   };
-  parts.disk = upkeep_.get();
-  parts.retention_clock = &retention_clock_;
-  parts.on_storage = [this](const absl::Status& storage) {
-    if (!config_.listen.empty()) LogStorage(storage);
-  };
-  parts.on_state = [this](const JobRecord& job) { OnState(job); };
-  parts.watch = watch_.get();
-  parts.read_memory = [this] { return ReadMemory(); };
-  parts.traces = stores_.traces.get();
-  if (!config_.listen.empty()) parts.on_stuck = LogStuck;
-  parts.on_give_up = on_give_up_;
-  return parts;
+  environment.workers = workers_.get();
+  environment.timers = timers_.get();
+  environment.disk = upkeep_.get();
+  environment.watch = watch_.get();
+  environment.now = absl::Now;
+  environment.retention_clock = &retention_clock_;
+  environment.new_id = RandomId;
+  environment.read_memory = [this] { return ReadMemory(); };
+  environment.traces = stores_.traces.get();
+  environment.on_state = [this](const JobRecord& job) { OnState(job); };
+  if (logs) environment.on_storage = LogStorage;
+  if (logs) environment.on_stuck = LogStuck;
+  environment.on_give_up = on_give_up_;
+  return environment;
 }
 
 void Server::Impl::OnState(const JobRecord& job) {
@@ -274,7 +274,7 @@ void Server::Impl::OnState(const JobRecord& job) {
   if (!config_.listen.empty()) LogState(job, absl::Now());
 }
 
-JobManager::MemoryFigures Server::Impl::ReadMemory() const {
+MemoryFigures Server::Impl::ReadMemory() const {
   const std::int64_t reserved =
       budget_.reserved_bytes() + prepared_.size_bytes() +
       request_bytes_.reserved_bytes() + upload_bytes_.reserved_bytes() +
@@ -286,7 +286,7 @@ JobManager::MemoryFigures Server::Impl::ReadMemory() const {
 }
 
 LoadFigures Server::Impl::ReadLoad() {
-  const JobManager::Load load = manager_.load();
+  const JobLoad load = manager_.load();
   const PreparedCache::Counts prepared = prepared_.counts();
   LoadFigures figures = {.held_for_storage = load.held_for_storage,
                          .held_for_inputs = load.held_jobs,

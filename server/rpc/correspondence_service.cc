@@ -145,7 +145,7 @@ absl::Status Delete(const ServiceContext& context, const Caller& caller,
 absl::Status Inform(const ServiceContext& context, const Caller& caller,
                     const v1::GetServerInfoRequest&,
                     v1::GetServerInfoResponse& response) {
-  const JobManager::Load load = context.manager->load();
+  const JobLoad load = context.manager->load();
   response.set_version(kVersion);
   SetLimits(context.parse.limits, *response.mutable_limits());
   response.mutable_limits()->set_max_priority(caller.max_priority);

@@ -24,7 +24,7 @@ namespace isomatch {
 namespace {
 
 /// What a waiting request counts with at least, so that there are not too many
-/// small ones: those of `validate_only` need no place in the queue.
+/// small ones: those of `validate_only` need no seat in the queue.
 constexpr std::int64_t kLeastBytes = 16 << 10;
 
 constexpr absl::Duration kRetryRequests = absl::Seconds(2);
@@ -32,7 +32,7 @@ constexpr absl::Duration kRetryRequests = absl::Seconds(2);
 absl::StatusOr<JobSnapshot> Create(const ServiceContext& context,
                                    const Caller& caller,
                                    const v1::CreateJobRequest& request,
-                                   JobManager::Place place) {
+                                   JobIntake::SeatPtr seat) {
   const std::string sha256 =
       request.request_id().empty() ? "" : RequestSha256(request);
   ISOMATCH_ASSIGN_OR_RETURN(
@@ -43,18 +43,18 @@ absl::StatusOr<JobSnapshot> Create(const ServiceContext& context,
       JobSpec spec, ParseCreateJob(request, context.parse, caller.tenant));
   spec.request_sha256 = sha256;
   if (!spec.validate_only) spec.inputs = MakeJobInputs(request);
-  return context.manager->Create(caller, std::move(spec), std::move(place));
+  return context.manager->Create(caller, std::move(spec), std::move(seat));
 }
 
 absl::Status Answer(const ServiceContext& context, const Caller& caller,
-                    const grpc::ByteBuffer& raw, JobManager::Place place,
+                    const grpc::ByteBuffer& raw, JobIntake::SeatPtr seat,
                     grpc::ByteBuffer& response) {
   v1::CreateJobRequest request;
   if (!ParseRaw(raw, request)) {
     return InvalidField("request", "expected a message CreateJobRequest");
   }
   ISOMATCH_ASSIGN_OR_RETURN(const JobSnapshot snapshot,
-                            Create(context, caller, request, std::move(place)));
+                            Create(context, caller, request, std::move(seat)));
   v1::CreateJobResponse created;
   *created.mutable_job() = ToProto(snapshot);
   response = SerializeRaw(created);
@@ -89,7 +89,7 @@ absl::StatusOr<MemoryBudget::Reservation> ReserveRequest(
 
 /// What a request holds from its coming on until it is answered.
 struct Waiting {
-  JobManager::Place place;
+  JobIntake::SeatPtr seat;
   MemoryBudget::Reservation room;
 };
 
@@ -101,7 +101,7 @@ absl::StatusOr<std::shared_ptr<Waiting>> TakeIn(
                             Outline(context, request));
   if (!outline.validate_only) {
     ISOMATCH_ASSIGN_OR_RETURN(
-        waiting->place, context.manager->TakePlace(caller, outline.request_id));
+        waiting->seat, context.manager->TakeSeat(caller, outline.request_id));
   }
   ISOMATCH_ASSIGN_OR_RETURN(waiting->room,
                             ReserveRequest(context, caller, request));
@@ -129,7 +129,7 @@ grpc::ServerUnaryReactor* StartCreateJob(const ServiceContext& context,
           return reactor->Finish(grpc::Status::CANCELLED);
         }
         const absl::Status answered = WithinMemory([&] {
-          return Answer(context, caller, *request, std::move(waiting->place),
+          return Answer(context, caller, *request, std::move(waiting->seat),
                         *response);
         });
         reactor->Finish(ToGrpc(answered));

@@ -82,28 +82,29 @@ class JobManagerTest : public testing::Test {
  protected:
   JobManagerTest() { Restart({}); }
 
-  void Restart(const JobManager::Limits& limits) {
-    manager_ = std::make_unique<JobManager>(limits, MakeParts());
+  void Restart(const JobLimits& limits) {
+    manager_ = std::make_unique<JobManager>(MakeEnvironment(limits));
   }
 
-  JobManager::Parts MakeParts() {
-    JobManager::Parts parts;
-    parts.jobs = &jobs_;
-    parts.blobs = &blobs_;
-    parts.budget = &budget_;
-    parts.runner = &runner_;
-    parts.workers = &workers_;
-    parts.timers = &timers_;
-    parts.now = [] { return absl::UnixEpoch(); };
-    parts.new_id = [this] { return absl::StrCat("job", ++last_id_); };
-    parts.load_spec = [](const JobRecord& record) {
+  JobEnvironment MakeEnvironment(const JobLimits& limits = {}) {
+    JobEnvironment environment;
+    environment.limits = limits;
+    environment.jobs = &jobs_;
+    environment.blobs = &blobs_;
+    environment.budget = &budget_;
+    environment.runner = &runner_;
+    environment.workers = &workers_;
+    environment.timers = &timers_;
+    environment.now = [] { return absl::UnixEpoch(); };
+    environment.new_id = [this] { return absl::StrCat("job", ++last_id_); };
+    environment.load_spec = [](const JobRecord& record) {
       return Needing(static_cast<int>(record.memory_estimate_bytes));
     };
-    parts.on_state = [this](const JobRecord& record) {
+    environment.on_state = [this](const JobRecord& record) {
       if (before_state_) before_state_(record);
       history_.push_back(JobStateName(record.state));
     };
-    return parts;
+    return environment;
   }
 
   MatchEngine FakeEngine() {

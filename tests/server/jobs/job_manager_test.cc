@@ -78,17 +78,16 @@ TEST_F(JobManagerTest, OneTenantCannotFillTheQueue) {
 
 TEST_F(JobManagerTest, OneTenantCannotTakeAllPlacesAtOnce) {
   Restart({.max_queued_jobs = 10, .tenant = {.queued_jobs = 2}});
-  std::vector<JobManager::Place> places;
+  std::vector<JobIntake::SeatPtr> seats;
   for (int i = 0; i < 2; ++i) {
-    auto place = manager_->TakePlace(caller_, "");
-    ASSERT_THAT(place, IsOk());
-    places.push_back(*std::move(place));
+    auto seat = manager_->TakeSeat(caller_, "");
+    ASSERT_THAT(seat, IsOk());
+    seats.push_back(*std::move(seat));
   }
-  EXPECT_EQ(ReasonOf(manager_->TakePlace(caller_, "").status()),
-            "TENANT_QUOTA");
-  EXPECT_THAT(manager_->TakePlace({.tenant = "other"}, ""), IsOk());
-  places.pop_back();
-  EXPECT_THAT(manager_->TakePlace(caller_, ""), IsOk());
+  EXPECT_EQ(ReasonOf(manager_->TakeSeat(caller_, "").status()), "TENANT_QUOTA");
+  EXPECT_THAT(manager_->TakeSeat({.tenant = "other"}, ""), IsOk());
+  seats.pop_back();
+  EXPECT_THAT(manager_->TakeSeat(caller_, ""), IsOk());
 }
 
 TEST_F(JobManagerTest, OneTenantCannotFillTheStore) {
@@ -120,14 +119,14 @@ TEST_F(JobManagerTest, APlaceIsTakenUntilItGoes) {
   JobSpec spec = Needing(1);
   spec.request_id = "r";
   Create(spec);  // runs
-  auto place = manager_->TakePlace(caller_, "");
-  ASSERT_THAT(place, IsOk());
-  EXPECT_EQ(ReasonOf(manager_->TakePlace(caller_, "").status()), "QUEUE_FULL");
-  EXPECT_THAT(manager_->Create(caller_, Needing(1), *place), IsOk());
-  place->reset();
-  EXPECT_EQ(ReasonOf(manager_->TakePlace(caller_, "").status()), "QUEUE_FULL");
+  auto seat = manager_->TakeSeat(caller_, "");
+  ASSERT_THAT(seat, IsOk());
+  EXPECT_EQ(ReasonOf(manager_->TakeSeat(caller_, "").status()), "QUEUE_FULL");
+  EXPECT_THAT(manager_->Create(caller_, Needing(1), *seat), IsOk());
+  seat->reset();
+  EXPECT_EQ(ReasonOf(manager_->TakeSeat(caller_, "").status()), "QUEUE_FULL");
   EXPECT_TRUE(workers_.RunNext());  // and the other runs
-  EXPECT_THAT(manager_->TakePlace(caller_, ""), IsOk());
+  EXPECT_THAT(manager_->TakeSeat(caller_, ""), IsOk());
 }
 
 TEST_F(JobManagerTest, ARequestThatMadeAJobBeforeNeedsNoPlace) {
@@ -136,11 +135,11 @@ TEST_F(JobManagerTest, ARequestThatMadeAJobBeforeNeedsNoPlace) {
   spec.request_id = "r";
   Create(spec);
   Create();
-  EXPECT_EQ(ReasonOf(manager_->TakePlace(caller_, "s").status()), "QUEUE_FULL");
-  const auto place = manager_->TakePlace(caller_, "r");
-  ASSERT_THAT(place, IsOk());
-  EXPECT_EQ(*place, nullptr);
-  EXPECT_EQ(ReasonOf(manager_->TakePlace({.tenant = "other"}, "r").status()),
+  EXPECT_EQ(ReasonOf(manager_->TakeSeat(caller_, "s").status()), "QUEUE_FULL");
+  const auto seat = manager_->TakeSeat(caller_, "r");
+  ASSERT_THAT(seat, IsOk());
+  EXPECT_EQ(*seat, nullptr);
+  EXPECT_EQ(ReasonOf(manager_->TakeSeat({.tenant = "other"}, "r").status()),
             "QUEUE_FULL");
 }
 
@@ -149,10 +148,10 @@ TEST_F(JobManagerTest, APlaceThatComesWhileTheRequestIsLookedUpIsTaken) {
   Create();  // runs
   Create();  // waits, until the other has ended
   jobs_.before_find = [this] { EXPECT_TRUE(workers_.RunNext()); };
-  const auto place = manager_->TakePlace(caller_, "new");
-  ASSERT_THAT(place, IsOk());
-  EXPECT_NE(*place, nullptr);
-  EXPECT_EQ(ReasonOf(manager_->TakePlace(caller_, "").status()), "QUEUE_FULL");
+  const auto seat = manager_->TakeSeat(caller_, "new");
+  ASSERT_THAT(seat, IsOk());
+  EXPECT_NE(*seat, nullptr);
+  EXPECT_EQ(ReasonOf(manager_->TakeSeat(caller_, "").status()), "QUEUE_FULL");
 }
 
 TEST_F(JobManagerTest, OthersDoNotSeeATenantsJobs) {
@@ -459,12 +458,13 @@ TEST_F(JobManagerTest, JobsCancelledAndTimedOutByManyThreadsAllEnd) {
   };
   const JobRunner runner(
       engine, [](auto&&...) { return std::string(); }, absl::Now, no_cache_);
-  JobManager::Parts parts = MakeParts();
-  parts.on_state = nullptr;
-  parts.workers = &workers;
-  parts.timers = &timers;
-  parts.runner = &runner;
-  JobManager manager({.workers = 3, .max_queued_jobs = 10}, parts);
+  JobEnvironment environment =
+      MakeEnvironment({.workers = 3, .max_queued_jobs = 10});
+  environment.on_state = [](const JobRecord&) {};
+  environment.workers = &workers;
+  environment.timers = &timers;
+  environment.runner = &runner;
+  JobManager manager(environment);
   std::vector<std::thread> clients;
   for (int c = 0; c < 4; ++c) {
     clients.emplace_back([&, c] {

@@ -16,7 +16,7 @@ using testing::HasSubstr;
 class JobRecoveryTest : public JobManagerTest {
  protected:
   JobRecoveryTest() {
-    parts_ = MakeParts();
+    environment_ = MakeEnvironment();
     Crash();
   }
 
@@ -41,15 +41,16 @@ class JobRecoveryTest : public JobManagerTest {
     durable_jobs_ = std::make_unique<MemoryJobStore>(
         journal_.Records(), &journal_,
         [this](const absl::Status& error) { errors_.push_back(error); });
-    parts_.jobs = durable_jobs_.get();
-    parts_.blobs = blobs_after_.back().get();
-    parts_.budget =
+    environment_.jobs = durable_jobs_.get();
+    environment_.blobs = blobs_after_.back().get();
+    environment_.budget =
         budgets_.emplace_back(std::make_unique<MemoryBudget>(budget_bytes_))
             .get();
-    parts_.now = [this] { return now_; };
-    parts_.uptime = [this] { return now_ - absl::UnixEpoch(); };
+    environment_.now = [this] { return now_; };
+    environment_.uptime = [this] { return now_ - absl::UnixEpoch(); };
     limits_.durable = true;
-    manager_ = std::make_unique<JobManager>(limits_, parts_);
+    environment_.limits = limits_;
+    manager_ = std::make_unique<JobManager>(environment_);
     manager_->Begin();
   }
 
@@ -73,8 +74,8 @@ class JobRecoveryTest : public JobManagerTest {
     Crash();
   }
 
-  JobManager::Parts parts_;
-  JobManager::Limits limits_;
+  JobEnvironment environment_;
+  JobLimits limits_;
   FakeJournal journal_;
   std::vector<absl::Status> errors_;
   absl::Time now_ = absl::UnixEpoch();
@@ -134,7 +135,7 @@ TEST_F(JobRecoveryTest, ResultsAreThereAfterACrashAndStayPinned) {
   ASSERT_THAT(after, IsOk());
   EXPECT_EQ(*after->bytes, *before->bytes);
   EXPECT_FALSE(
-      parts_.blobs
+      environment_.blobs
           ->Put({"", "x"}, std::string(kBlobBytes, 'x'), Keep::kWhileRoom)
           .ok());
 }
@@ -327,7 +328,7 @@ TEST_F(JobRecoveryTest, AllBlobsArePinnedBeforeJobsAreForgotten) {
   now_ += absl::Hours(1);
   Crash();
   EXPECT_EQ(StateOf(first), "GONE");
-  EXPECT_FALSE(parts_.blobs
+  EXPECT_FALSE(environment_.blobs
                    ->Put({"", "x"}, std::string(kBlobBytes, 'x'),
                          Keep::kWhileRoom)
                    .ok());  // the second's input stays

@@ -23,22 +23,22 @@ class JobStorageTest : public JobManagerTest {
  protected:
   JobStorageTest() { Begin(); }
 
-  void Begin(const JobManager::Limits& limits = {}) {
-    JobManager::Parts parts = MakeParts();
-    parts.load_spec =
+  void Begin(const JobLimits& limits = {}) {
+    JobEnvironment environment = MakeEnvironment(limits);
+    environment.load_spec =
         [this](const JobRecord& record) -> absl::StatusOr<JobSpec> {
       if (!inputs_.ok() && record.labels.count("any") == 0) {
         return ContentUnavailable("request", inputs_);
       }
       return Needing(static_cast<int>(record.memory_estimate_bytes));
     };
-    parts.on_storage = [this](const absl::Status& storage) {
+    environment.on_storage = [this](const absl::Status& storage) {
       told_.push_back(std::string(storage.message()));
     };
-    parts.retention_clock = clock_.get();
-    parts.now = [this] { return now_; };
-    parts.uptime = [this] { return steady_; };
-    manager_ = std::make_unique<JobManager>(limits, parts);
+    environment.retention_clock = clock_.get();
+    environment.now = [this] { return now_; };
+    environment.uptime = [this] { return steady_; };
+    manager_ = std::make_unique<JobManager>(environment);
   }
 
   /// A clock that last saw this.
@@ -182,9 +182,9 @@ TEST_F(JobStorageTest, OneThatWaitsForRoomCanBeCancelled) {
 
 TEST_F(JobStorageTest, WhatWaitsForTheDiskRunsBesideTheTimers) {
   ManualExecutor disk;
-  JobManager::Parts parts = MakeParts();
-  parts.disk = &disk;
-  manager_ = std::make_unique<JobManager>(JobManager::Limits(), parts);
+  JobEnvironment environment = MakeEnvironment();
+  environment.disk = &disk;
+  manager_ = std::make_unique<JobManager>(environment);
   const std::string id = Create();
   FillDisk();
   EXPECT_TRUE(workers_.RunNext());

@@ -51,26 +51,26 @@ class JobWatchTest : public JobManagerTest {
     watch_.Clear();
     memory_.resident_bytes = 100;
     freed_bytes_ = 0;
-    JobManager::Parts parts = MakeParts();
-    parts.workers = &growing_;
-    parts.watch = &watch_;
-    parts.uptime = [this] {
+    JobEnvironment environment = MakeEnvironment(limits_);
+    environment.workers = &growing_;
+    environment.watch = &watch_;
+    environment.uptime = [this] {
       if (before_uptime_) before_uptime_();
       return uptime_;
     };
-    parts.read_memory = [this] { return memory_; };
-    parts.release_memory = [this] {
+    environment.read_memory = [this] { return memory_; };
+    environment.release_memory = [this] {
       memory_.resident_bytes -= std::exchange(freed_bytes_, 0);
     };
-    parts.traces = limits_.durable ? &trace_ : nullptr;
-    parts.on_stuck = [this](const JobRecord& record) {
+    environment.traces = limits_.durable ? &trace_ : nullptr;
+    environment.on_stuck = [this](const JobRecord& record) {
       if (before_stuck_) before_stuck_();
       stuck_.push_back(record.id);
     };
-    parts.on_give_up = [this](const std::string& reason) {
+    environment.on_give_up = [this](const std::string& reason) {
       given_up_.push_back(reason);
     };
-    manager_ = std::make_unique<JobManager>(limits_, parts);
+    manager_ = std::make_unique<JobManager>(environment);
     manager_->Begin();
   }
 
@@ -108,11 +108,11 @@ class JobWatchTest : public JobManagerTest {
     return manager_->Get(caller_, id)->record;
   }
 
-  JobManager::Limits limits_;
+  JobLimits limits_;
   GrowingExecutor growing_;
   ManualExecutor watch_;
   absl::Duration uptime_ = absl::ZeroDuration();
-  JobManager::MemoryFigures memory_ = {
+  MemoryFigures memory_ = {
       .resident_bytes = 100, .expected_bytes = 200, .limit_bytes = 1000};
   /// Of what is resident, what only has to be given back.
   std::int64_t freed_bytes_ = 0;

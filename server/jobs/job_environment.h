@@ -1,0 +1,127 @@
+#pragma once
+
+#include <algorithm>
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+#include "server/jobs/disconnect_guard.h"
+#include "server/jobs/job_runner.h"
+#include "server/jobs/job_spec.h"
+#include "server/jobs/memory_budget.h"
+#include "server/jobs/retention_clock.h"
+#include "server/jobs/tenant_limits.h"
+#include "server/machine/executor.h"
+#include "server/machine/process_memory.h"
+#include "server/storage/blob_store.h"
+#include "server/storage/job_store.h"
+#include "server/storage/process_trace.h"
+
+namespace isomatch {
+
+struct JobLimits {
+  /// Jobs that run at the same time; the executor has as many threads.
+  int workers = 1;
+  /// Jobs that wait.
+  int max_queued_jobs = 100;
+  /// Terminal jobs that are remembered, for how long, and the bytes of their
+  /// results; see KeptJobs.
+  int max_kept_jobs = 1000;
+  absl::Duration job_retention = absl::InfiniteDuration();
+  std::int64_t max_result_bytes = std::int64_t{256} << 20;
+  /// See JobQueue.
+  int max_passes = 8;
+  /// How often a job takes the server down, or does not stop when asked to.
+  int max_faults = 3;
+  /// How often a job is started that the server goes down with, whosever
+  /// fault it is. From the fourth time on it runs alone, so that it is known.
+  int max_attempts = 30;
+  /// What a job may run, whatever it asked for.
+  absl::Duration max_run_time = absl::InfiniteDuration();
+  /// What a match may take to return once it was asked to stop.
+  absl::Duration unresponsive_grace = absl::Seconds(10);
+  /// The stores outlive the process.
+  bool durable = false;
+  /// See DisconnectGuard.
+  absl::Duration unwatched_grace = DisconnectGuard::kGrace;
+  /// Of those limits of all.
+  TenantLimits tenant = {};
+
+  /// Returns what a job may run that asked for so much; infinite for no limit.
+  absl::Duration RunTime(std::optional<absl::Duration> asked) const {
+    return std::min(asked.value_or(absl::InfiniteDuration()), max_run_time);
+  }
+};
+
+/// Memory of the process.
+struct MemoryFigures {
+  std::int64_t resident_bytes = 0;
+  /// What it should have at most, with all that is reserved now.
+  std::int64_t expected_bytes = 0;
+  /// Beyond it jobs are stopped.
+  std::int64_t limit_bytes = 0;
+};
+
+/// What JobManager works with. Everything outlives it except the executors,
+/// whose threads are joined first.
+struct JobEnvironment {
+  JobLimits limits = {};
+
+  JobStore* jobs = nullptr;
+  BlobStore* blobs = nullptr;
+  MemoryBudget* budget = nullptr;
+  const JobRunner* runner = nullptr;
+  /// Reads a job again from its inputs.
+  std::function<absl::StatusOr<JobSpec>(const JobRecord&)> load_spec;
+
+  /// One thread for each worker slot.
+  Executor* workers = nullptr;
+  /// For timeouts, so that they do not wait for a worker.
+  Executor* timers = nullptr;
+  /// One thread for what waits for the disk; null: whichever is at it.
+  Executor* disk = nullptr;
+  /// For JobWatchdog; null: there is none.
+  Executor* watch = nullptr;
+
+  std::function<absl::Time()> now;
+  /// Never goes back.
+  std::function<absl::Duration()> uptime = [] {
+    return absl::FromChrono(
+        std::chrono::steady_clock::now().time_since_epoch());
+  };
+  /// Null: `now` is always believed.
+  RetentionClock* retention_clock = nullptr;
+  /// Returns an id that was never used before.
+  std::function<std::string()> new_id;
+
+  std::function<MemoryFigures()> read_memory = [] { return MemoryFigures(); };
+  /// Gives memory that was freed back to the system.
+  std::function<void()> release_memory = ReleaseFreedMemory;
+  /// Null without durable stores.
+  TraceStore* traces = nullptr;
+
+  /// Told of every change of state, for the log.
+  std::function<void(const JobRecord&)> on_state = [](const JobRecord&) {};
+  /// Told why results cannot be stored, then OK when they can again.
+  std::function<void(const absl::Status&)> on_storage =
+      [](const absl::Status&) {};
+  /// Told of each worker that does not come back.
+  std::function<void(const JobRecord&)> on_stuck = [](const JobRecord&) {};
+  /// Told why the process should end and start again. Empty where it cannot.
+  std::function<void(const std::string& reason)> on_give_up = {};
+
+  /// The time that jobs age by.
+  absl::Time BelievedTime() const {
+    return retention_clock == nullptr ? now() : retention_clock->Now();
+  }
+
+  /// A new process would have all the jobs.
+  bool may_give_up() const { return limits.durable && on_give_up != nullptr; }
+};
+
+}  // namespace isomatch

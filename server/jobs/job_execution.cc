@@ -1,0 +1,193 @@
+#include "server/jobs/job_execution.h"
+
+#include <optional>
+#include <utility>
+
+#include "core/base/sha256.h"
+#include "core/base/status_macros.h"
+#include "server/jobs/errors.h"
+#include "server/jobs/within_memory.h"
+
+namespace isomatch {
+namespace {
+
+/// How often in a row the inputs may be unreadable: for an hour.
+constexpr int kMostUnreadable = 124;
+
+}  // namespace
+
+void JobExecution::Run(const std::shared_ptr<LiveJob>& live) {
+  // Here a worker's thread begins: wherever memory ends behind it, the job
+  // fails and its slot comes back.
+  Progress progress;
+  const absl::Status ended =
+      WithinMemory([&] { return RunToEnd(*live, progress); });
+  if (!ended.ok()) {
+    WhenThereIsMemory([&] { Settle(*live, progress, ended); });
+  }
+  scheduler_.Release(live);
+  WhenThereIsMemory([&] {
+    scheduler_.EnqueueAgain(*live);
+    scheduler_.Dispatch();
+  });
+}
+
+absl::Status JobExecution::RunToEnd(LiveJob& live, Progress& progress) {
+  ISOMATCH_ASSIGN_OR_RETURN(progress.started, Start(live));
+  const JobRecord& record = *progress.started;
+  ISOMATCH_ASSIGN_OR_RETURN(
+      RunOutcome outcome,
+      environment_.runner->Run(
+          [&] { return environment_.load_spec(record); },
+          [&](const JobProgress& now) { ReportProgress(live.id, now); },
+          live.stop.get_token()));
+  ISOMATCH_RETURN_IF_ERROR(
+      StoreParts(record.tenant, std::move(outcome.parts), progress));
+  JobResult& result = outcome.result;
+  result.parts = progress.stored;
+  const auto moved =
+      lifecycle_.Move(record.id, JobState::kSucceeded, [&](JobRecord& done) {
+        done.result = result;
+        done.progress.stage_fraction = 1;
+        done.progress.total_fraction = 1;
+        return absl::OkStatus();
+      });
+  return moved.status();
+}
+
+absl::StatusOr<JobRecord> JobExecution::Start(LiveJob& live) {
+  RunningJobs& runs = scheduler_.runs();
+  live.timer.reset();
+  runs.Begin(live.id, environment_.read_memory().resident_bytes);
+  if (live.stop.stop_requested()) runs.OnAskedToStop(live.id);
+  ISOMATCH_ASSIGN_OR_RETURN(
+      JobRecord started,
+      lifecycle_.Move(live.id, JobState::kRunning, [&](JobRecord& record) {
+        record.start_time = environment_.now();
+        ++record.attempt;
+        if (const auto limit = environment_.limits.RunTime(record.run_timeout);
+            limit < absl::InfiniteDuration()) {
+          record.run_timeout = limit;
+        }
+        return absl::OkStatus();
+      }));
+  runs.SetAttempt(live.id, started.attempt);
+  LimitRunTime(live, started);
+  return started;
+}
+
+void JobExecution::LimitRunTime(LiveJob& live, const JobRecord& started) {
+  const absl::Duration limit = environment_.limits.RunTime(started.run_timeout);
+  if (limit == absl::InfiniteDuration()) return;
+  const bool is_servers = limit == environment_.limits.max_run_time;
+  live.timer = environment_.timers->PostAfter(
+      limit, [this, id = live.id, limit, is_servers] {
+        scheduler_.FailIfStill(JobState::kRunning, id,
+                               RunTimeout(limit, is_servers));
+      });
+}
+
+void JobExecution::ReportProgress(const std::string& id,
+                                  const JobProgress& progress) {
+  scheduler_.runs().OnProgress(id);
+  (void)lifecycle_.Change(id, [&](JobRecord& record) {
+    if (record.state != JobState::kRunning) {
+      return JobIsTerminal(id, record.state);
+    }
+    record.progress = progress;
+    return absl::OkStatus();
+  });
+}
+
+absl::Status JobExecution::StoreParts(const std::string& tenant,
+                                      std::vector<EncodedPart> parts,
+                                      Progress& progress) {
+  for (const EncodedPart& part : parts) {
+    progress.result_bytes += static_cast<std::int64_t>(part.bytes.size());
+  }
+  if (!environment_.blobs->CanMakeRoom(progress.result_bytes)) {
+    retention_.Prune(progress.result_bytes);
+  }
+  progress.stored.reserve(parts.size());  // so that none is put and not told
+  for (EncodedPart& part : parts) {
+    StoredPart stored{part.part, Sha256Hex(part.bytes),
+                      static_cast<std::int64_t>(part.bytes.size())};
+    const absl::Status put = environment_.blobs->Put(
+        {tenant, stored.sha256}, std::move(part.bytes), Keep::kPinned);
+    if (!put.ok()) return StorageFailed(put);
+    progress.stored.push_back(std::move(stored));
+  }
+  return absl::OkStatus();
+}
+
+void JobExecution::Settle(LiveJob& live, Progress& progress,
+                          const absl::Status& error) {
+  const std::optional<JobRecord> now = environment_.jobs->Get(live.id);
+  // Memory may have ended after it had moved.
+  if (now && now->state == JobState::kSucceeded) return;
+  if (!progress.started) {
+    scheduler_.FailIfStill(JobState::kQueued, live.id, error);
+    scheduler_.FailIfStill(JobState::kRunning, live.id, error);
+    return;
+  }
+  retention_.RemoveParts(live.tenant, std::exchange(progress.stored, {}));
+  // All are refused when it was cancelled, timed out or given up before.
+  if (live.stop.stop_requested()) {
+    live.awaited_bytes = 0;
+    live.unreadable = 0;
+    PutBack(live.id);
+  } else if (!WaitForStorage(live, progress, error)) {
+    lifecycle_.Fail(*progress.started, error);
+  }
+}
+
+void JobExecution::PutBack(const std::string& id) {
+  const std::optional<JobRecord> record = environment_.jobs->Get(id);
+  if (!record || record->state != JobState::kRunning) return;
+  const bool is_fault = watchdog_.HasFreedMemory(id);
+  if (is_fault && record->faults + 1 >= environment_.limits.max_faults) {
+    lifecycle_.Fail(
+        *record, OutOfMemory("the server's memory grew beyond its limit each "
+                             "time the job ran, and fell with its end"));
+    return;
+  }
+  (void)lifecycle_.Move(id, JobState::kQueued, [&](JobRecord& now) {
+    if (is_fault) {
+      ++now.faults;
+    } else {
+      --now.attempt;  // it had no chance
+    }
+    return absl::OkStatus();
+  });
+}
+
+bool JobExecution::WaitForStorage(LiveJob& live, const Progress& progress,
+                                  const absl::Status& error) {
+  const JobRecord& started = *progress.started;
+  // Where only what jobs need is in the way, waiting could be for ever: some
+  // have to give way.
+  const bool is_refused =
+      IsStorageFailed(error) &&
+      environment_.blobs->CanMakeRoom(progress.result_bytes);
+  const bool is_unreadable = IsContentUnavailable(error);
+  live.awaited_bytes = is_refused ? progress.result_bytes : 0;
+  live.unreadable = is_unreadable ? live.unreadable + 1 : 0;
+  if (!is_refused && !is_unreadable) return false;
+  if (is_refused) scheduler_.CheckStorage();
+  if (live.unreadable > kMostUnreadable) {
+    lifecycle_.Fail(started,
+                    ContentLost(live.id, DetailsOf(error).metadata["what"]));
+    return true;
+  }
+  const auto moved =
+      lifecycle_.Move(live.id, JobState::kQueued, [&](JobRecord& now) {
+        if (now.state != started.state) {
+          return absl::FailedPreconditionError("too late");
+        }
+        --now.attempt;  // it was not the job's fault
+        return absl::OkStatus();
+      });
+  return moved.ok();
+}
+
+}  // namespace isomatch

@@ -1,0 +1,76 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "server/jobs/job_environment.h"
+#include "server/jobs/job_lifecycle.h"
+#include "server/jobs/job_queue.h"
+#include "server/jobs/job_retention.h"
+#include "server/jobs/job_runner.h"
+#include "server/jobs/job_scheduler.h"
+#include "server/jobs/job_watchdog.h"
+#include "server/storage/job_record.h"
+
+namespace isomatch {
+
+/// What a worker does with a job: RUNNING, the match, its result into the
+/// stores, and the state that follows.
+///
+/// A job whose result the disk refuses, or whose inputs cannot be read just
+/// now, goes back to QUEUED and starts again when that is over; its attempt
+/// does not count. Thread-safe.
+class JobExecution {
+ public:
+  JobExecution(const JobEnvironment& environment, JobLifecycle* lifecycle,
+               JobRetention* retention, JobScheduler* scheduler,
+               JobWatchdog* watchdog)
+      : environment_(environment),
+        lifecycle_(*lifecycle),
+        retention_(*retention),
+        scheduler_(*scheduler),
+        watchdog_(*watchdog) {}
+
+  /// Runs a job to its end. Its slot and its memory come back when the match
+  /// has returned, whatever state the job is in by then.
+  void Run(const std::shared_ptr<LiveJob>& live);
+
+ private:
+  /// How far a run came.
+  struct Progress {
+    /// Once it is RUNNING.
+    std::optional<JobRecord> started;
+    /// Of the whole result; what is stored of it.
+    std::int64_t result_bytes = 0;
+    std::vector<StoredPart> stored;
+  };
+
+  /// From QUEUED to SUCCEEDED, or the error that ended it.
+  absl::Status RunToEnd(LiveJob& live, Progress& progress);
+  absl::StatusOr<JobRecord> Start(LiveJob& live);
+  void LimitRunTime(LiveJob& live, const JobRecord& started);
+  void ReportProgress(const std::string& id, const JobProgress& progress);
+  absl::Status StoreParts(const std::string& tenant,
+                          std::vector<EncodedPart> parts, Progress& progress);
+
+  /// Gives the job that did not come to its end the state that follows. May be
+  /// called again wherever it ended.
+  void Settle(LiveJob& live, Progress& progress, const absl::Status& error);
+  void PutBack(const std::string& id);
+  /// Makes the job QUEUED again if `error` may pass; false if not.
+  bool WaitForStorage(LiveJob& live, const Progress& progress,
+                      const absl::Status& error);
+
+  const JobEnvironment& environment_;
+  JobLifecycle& lifecycle_;
+  JobRetention& retention_;
+  JobScheduler& scheduler_;
+  JobWatchdog& watchdog_;
+};
+
+}  // namespace isomatch

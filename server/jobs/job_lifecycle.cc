@@ -1,0 +1,109 @@
+#include "server/jobs/job_lifecycle.h"
+
+#include <optional>
+#include <utility>
+
+#include "core/base/status_macros.h"
+#include "server/jobs/errors.h"
+#include "server/jobs/within_memory.h"
+
+namespace isomatch {
+namespace {
+
+bool CanMove(JobState from, JobState to) {
+  if (from == JobState::kQueued) {
+    return to == JobState::kRunning || to == JobState::kFailed ||
+           to == JobState::kCancelled;
+  }
+  return from == JobState::kRunning &&
+         (IsTerminal(to) || to == JobState::kQueued);
+}
+
+/// It waits as if it had not been started, but in time it was.
+void Rewind(JobRecord& record) {
+  record.queue_timeout.reset();
+  record.progress = JobProgress();
+  record.start_time = absl::InfinitePast();
+}
+
+}  // namespace
+
+JobLifecycle::JobLifecycle(const JobEnvironment& environment,
+                           JobRetention* retention,
+                           std::function<void(const std::string& id)> cancel)
+    : environment_(environment),
+      retention_(*retention),
+      guard_(environment.limits.unwatched_grace, environment.timers, &watchers_,
+             std::move(cancel)) {}
+
+absl::StatusOr<JobRecord> JobLifecycle::Find(const Caller& caller,
+                                             const std::string& id) const {
+  std::optional<JobRecord> record = environment_.jobs->Get(id);
+  const bool may_know = record && (caller.role == Role::kAdmin ||
+                                   caller.tenant == record->tenant);
+  if (!may_know) return JobNotFound(id);
+  return *std::move(record);
+}
+
+absl::StatusOr<JobRecord> JobLifecycle::Move(const std::string& id, JobState to,
+                                             const Edit& edit) {
+  ISOMATCH_ASSIGN_OR_RETURN(JobRecord moved,
+                            Replace(id, [&](JobRecord& record) {
+                              if (!CanMove(record.state, to))
+                                return JobIsTerminal(id, record.state);
+                              if (edit) ISOMATCH_RETURN_IF_ERROR(edit(record));
+                              record.state = to;
+                              if (IsTerminal(to)) {
+                                record.end_time = environment_.now();
+                                record.end_steady = environment_.uptime();
+                              }
+                              if (to == JobState::kQueued) Rewind(record);
+                              return absl::OkStatus();
+                            }));
+  OnMoved(moved);
+  return moved;
+}
+
+void JobLifecycle::OnMoved(const JobRecord& moved) {
+  const bool is_over = IsTerminal(moved.state);
+  if (is_over) {
+    guard_.Release(moved.id);
+    retention_.UnpinInputs(moved);
+  }
+  // Else the log or a metric misses it.
+  IfThereIsMemory([&] { environment_.on_state(moved); });
+  WhenThereIsMemory([&] { watchers_.Notify(moved.id); });
+  if (is_over) IfThereIsMemory([&] { retention_.Prune(); });  // or next time
+}
+
+absl::StatusOr<JobRecord> JobLifecycle::Change(const std::string& id,
+                                               const Edit& edit) {
+  auto changed = Replace(id, edit);
+  if (changed.ok()) watchers_.Notify(id);
+  return changed;
+}
+
+absl::StatusOr<JobRecord> JobLifecycle::Replace(const std::string& id,
+                                                const Edit& edit) {
+  while (true) {
+    std::optional<JobRecord> record = environment_.jobs->Get(id);
+    if (!record) return JobNotFound(id);
+    ISOMATCH_RETURN_IF_ERROR(edit(*record));
+    auto changed = environment_.jobs->Update(*std::move(record));
+    if (!absl::IsAborted(changed.status())) return changed;
+  }
+}
+
+void JobLifecycle::Fail(const JobRecord& record, const absl::Status& error) {
+  const bool is_cancelled = absl::IsCancelled(error);
+  (void)Move(record.id, is_cancelled ? JobState::kCancelled : JobState::kFailed,
+             [&](JobRecord& now) {
+               if (now.state != record.state) {
+                 return absl::FailedPreconditionError("too late");
+               }
+               if (!is_cancelled) now.error = JobErrorOf(error);
+               return absl::OkStatus();
+             });
+}
+
+}  // namespace isomatch
