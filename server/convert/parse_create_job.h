@@ -5,8 +5,8 @@
 #include "absl/status/statusor.h"
 #include "isomatch/v1/service.pb.h"
 #include "server/convert/request_limits.h"
+#include "server/engine/job_spec.h"
 #include "server/jobs/job_runner.h"
-#include "server/jobs/job_spec.h"
 #include "server/storage/blob_store.h"
 
 namespace isomatch {

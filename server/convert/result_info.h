@@ -5,7 +5,7 @@
 #include "core/mesh/mesh_size.h"
 #include "core/pipeline/correspondence.h"
 #include "isomatch/v1/service.pb.h"
-#include "server/jobs/job_spec.h"
+#include "server/engine/job_spec.h"
 #include "server/storage/job_record.h"
 
 namespace isomatch {

@@ -6,7 +6,7 @@
 #include "absl/status/statusor.h"
 #include "isomatch/v1/service.pb.h"
 #include "server/convert/parse_create_job.h"
-#include "server/jobs/job_spec.h"
+#include "server/engine/job_spec.h"
 #include "server/storage/job_record.h"
 
 namespace isomatch {

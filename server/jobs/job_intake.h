@@ -9,12 +9,12 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "core/base/mutex.h"
+#include "server/engine/job_spec.h"
 #include "server/jobs/caller.h"
 #include "server/jobs/job_environment.h"
 #include "server/jobs/job_lifecycle.h"
 #include "server/jobs/job_retention.h"
 #include "server/jobs/job_scheduler.h"
-#include "server/jobs/job_spec.h"
 #include "server/storage/job_record.h"
 
 namespace isomatch {

@@ -13,8 +13,8 @@
 #include "core/pipeline/matcher.h"
 #include "core/pipeline/memory_estimate.h"
 #include "core/pipeline/memory_plan.h"
+#include "server/engine/prepared_matching.h"
 #include "server/jobs/errors.h"
-#include "server/jobs/prepared_matching.h"
 #include "server/machine/process_memory.h"
 
 namespace isomatch {

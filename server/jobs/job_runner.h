@@ -11,9 +11,9 @@
 #include "core/mesh/mesh_size.h"
 #include "core/pipeline/correspondence.h"
 #include "core/pipeline/match_engine.h"
-#include "server/jobs/job_spec.h"
-#include "server/jobs/prepared_cache.h"
-#include "server/jobs/result_parts.h"
+#include "server/engine/job_spec.h"
+#include "server/engine/prepared_cache.h"
+#include "server/engine/result_parts.h"
 #include "server/storage/job_record.h"
 
 namespace isomatch {

@@ -15,8 +15,9 @@ GEODESIC = MESH | {"core/geodesic"}
 CORE = GEODESIC | {"core/descriptor", "core/io", "core/matching",
                    "core/spectral", "core/alignment", "core/evaluation", "core/pipeline"}
 FILES = {"client/files", "client/picture"}
-RPC = CORE | {"server/rpc/security", "server/convert", "server/jobs", "server/storage",
-              "server/machine", "server/logging", "server/metrics", "proto"}
+RPC = CORE | {"server/rpc/security", "server/convert", "server/engine", "server/jobs",
+              "server/storage", "server/machine", "server/logging", "server/metrics",
+              "proto"}
 API = FILES | {"client/api", "proto"}
 
 # Layer -> the layers it may include besides itself.
@@ -35,8 +36,10 @@ ALLOWED = {
     "server/metrics": BASE,
     "server/machine": BASE,
     "server/storage": BASE | {"server/metrics"},
-    "server/jobs": CORE | {"server/storage", "server/metrics", "server/machine"},
-    "server/convert": CORE | {"server/jobs", "server/storage", "proto"},
+    "server/engine": CORE | {"server/storage"},
+    "server/jobs": CORE | {"server/engine", "server/storage", "server/metrics",
+                           "server/machine"},
+    "server/convert": CORE | {"server/engine", "server/jobs", "server/storage", "proto"},
     "server/rpc/security": BASE | {"server/jobs"},
     "server/rpc": RPC,
     "server/config": RPC | {"server/rpc"},

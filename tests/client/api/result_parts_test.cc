@@ -6,7 +6,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "server/jobs/result_parts.h"
+#include "server/engine/result_parts.h"
 #include "tests/support/matchers.h"
 
 namespace isomatch {

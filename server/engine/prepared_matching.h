@@ -6,8 +6,8 @@
 #include "core/pipeline/correspondence.h"
 #include "core/pipeline/match_engine.h"
 #include "core/pipeline/progress.h"
-#include "server/jobs/job_spec.h"
-#include "server/jobs/prepared_cache.h"
+#include "server/engine/job_spec.h"
+#include "server/engine/prepared_cache.h"
 
 namespace isomatch {
 

@@ -1,4 +1,4 @@
-#include "server/jobs/prepared_cache.h"
+#include "server/engine/prepared_cache.h"
 
 #include <iterator>
 #include <utility>

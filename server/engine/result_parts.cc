@@ -1,4 +1,4 @@
-#include "server/jobs/result_parts.h"
+#include "server/engine/result_parts.h"
 
 #include <bit>
 #include <cstddef>

@@ -1,4 +1,4 @@
-#include "server/jobs/prepared_matching.h"
+#include "server/engine/prepared_matching.h"
 
 #include <optional>
 #include <utility>
