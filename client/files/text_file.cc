@@ -22,6 +22,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "core/base/status_macros.h"
+#include "core/base/write_all.h"
 
 namespace isomatch {
 namespace {
@@ -40,21 +41,14 @@ absl::Status OutputError(const std::string& path, int error) {
               : absl::InvalidArgumentError(message);
 }
 
-// Writes all of `bytes` and flushes them to the disk. Returns an errno, 0 when
-// all went well.
-int WriteAll(int file, absl::string_view bytes) {
-  while (!bytes.empty()) {
-    const ssize_t written = write(file, bytes.data(), bytes.size());
-    if (written < 0 && errno != EINTR) return errno;
-    if (written > 0) bytes.remove_prefix(static_cast<std::size_t>(written));
-  }
-  // Pipes and devices cannot be synced, and need not.
-  return fsync(file) == 0 || errno == EINVAL || errno == EROFS ? 0 : errno;
-}
-
-// Writes to an open file and closes it.
+// Writes to an open file, flushes it to the disk and closes it. Returns an
+// errno, 0 when all went well.
 int WriteAndClose(int file, absl::string_view bytes) {
-  const int error = WriteAll(file, bytes);
+  int error = WriteAll(file, bytes);
+  // Pipes and devices cannot be synced, and need not.
+  if (error == 0 && fsync(file) != 0 && errno != EINVAL && errno != EROFS) {
+    error = errno;
+  }
   return close(file) == 0 || error != 0 ? error : errno;
 }
 

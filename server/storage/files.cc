@@ -15,6 +15,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/strip.h"
 #include "core/base/status_macros.h"
+#include "core/base/write_all.h"
 
 namespace isomatch {
 namespace {
@@ -58,20 +59,10 @@ class File {
   const int descriptor_;
 };
 
-bool WriteAll(int descriptor, absl::string_view bytes) {
-  while (!bytes.empty()) {
-    const ssize_t written = write(descriptor, bytes.data(), bytes.size());
-    if (written < 0 && errno == EINTR) continue;
-    if (written < 0) return false;
-    bytes.remove_prefix(static_cast<size_t>(written));
-  }
-  return true;
-}
-
 absl::Status WriteAndSync(const std::string& path, absl::string_view bytes) {
   const File file(path, O_CREAT | O_WRONLY | O_TRUNC, S_IRUSR | S_IWUSR);
   if (!file.is_open()) return Refused("create", path);
-  if (!WriteAll(file.get(), bytes)) return Refused("write", path);
+  if (WriteAll(file.get(), bytes) != 0) return Refused("write", path);
   if (fsync(file.get()) != 0) return Refused("synchronize", path);
   return absl::OkStatus();
 }

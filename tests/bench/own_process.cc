@@ -9,17 +9,10 @@
 #include <string_view>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/write_all.h"
 
 namespace isomatch::bench {
 namespace {
-
-void WriteAll(int file, std::string_view bytes) {
-  while (!bytes.empty()) {
-    const ssize_t written = write(file, bytes.data(), bytes.size());
-    if (written < 0) return;  // what came so far is not JSON
-    bytes.remove_prefix(static_cast<std::size_t>(written));
-  }
-}
 
 std::string ReadAll(int file) {
   std::string bytes;
@@ -48,7 +41,7 @@ absl::StatusOr<nlohmann::json> InOwnProcess(
   if (child < 0) return absl::ErrnoToStatus(errno, "fork");
   if (child == 0) {
     close(ends[0]);
-    WriteAll(ends[1], Answer(work()));
+    (void)WriteAll(ends[1], Answer(work()));  // a part of it is not JSON
     std::fflush(nullptr);
     _exit(0);
   }

@@ -8,21 +8,9 @@
 #include <cstring>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/write_all.h"
 
 namespace isomatch {
-namespace {
-
-bool WriteAll(int file, absl::string_view bytes) {
-  while (!bytes.empty()) {
-    const ssize_t written = write(file, bytes.data(), bytes.size());
-    if (written < 0 && errno != EINTR) return false;
-    if (written > 0) bytes.remove_prefix(static_cast<size_t>(written));
-  }
-  return true;
-}
-
-}  // namespace
-
 MemoryFile::~MemoryFile() {
   if (file_ >= 0) close(file_);
 }
@@ -30,7 +18,7 @@ MemoryFile::~MemoryFile() {
 absl::Status MemoryFile::Replace(absl::string_view bytes) {
   const int fresh = memfd_create("isomatch", MFD_CLOEXEC);
   // The number stays, and with it the path; what it stands for changes.
-  if (fresh < 0 || !WriteAll(fresh, bytes) ||
+  if (fresh < 0 || WriteAll(fresh, bytes) != 0 ||
       (file_ >= 0 && dup3(fresh, file_, O_CLOEXEC) < 0)) {
     const int error = errno;
     if (fresh >= 0) close(fresh);
