@@ -61,14 +61,14 @@ constexpr TenantTurns::Limits kAnyNumber = {
 
 std::string RandomId() {
   std::string bytes(16, '\0');
-  RAND_bytes(reinterpret_cast<unsigned char *>(bytes.data()),
+  RAND_bytes(reinterpret_cast<unsigned char*>(bytes.data()),
              static_cast<int>(bytes.size()));
   return absl::BytesToHexString(bytes);
 }
 
 /// Returns what logs that files have changed.
-std::function<void(const absl::Status &)> ReloadLogger(const char *what) {
-  return [what](const absl::Status &status) {
+std::function<void(const absl::Status&)> ReloadLogger(const char* what) {
+  return [what](const absl::Status& status) {
     if (status.ok()) {
       Log(LogLevel::kInfo, absl::StrCat(what, ": reloaded"));
     } else {
@@ -80,25 +80,23 @@ std::function<void(const absl::Status &)> ReloadLogger(const char *what) {
 }
 
 /// Null when the configuration asks for no keys.
-absl::StatusOr<std::unique_ptr<ApiKeys>> OpenKeys(const ServerConfig &config) {
-  if (config.api_keys.empty())
-    return nullptr;
+absl::StatusOr<std::unique_ptr<ApiKeys>> OpenKeys(const ServerConfig& config) {
+  if (config.api_keys.empty()) return nullptr;
   return ApiKeys::Open(config.api_keys, absl::Now, ReloadLogger("API keys"),
                        config.max_priority);
 }
 
 /// Null when there is to be no endpoint.
-std::unique_ptr<PrometheusMetrics> MakeMetrics(const ServerConfig &config) {
-  if (config.listen.empty() || config.metrics_listen == "off")
-    return nullptr;
+std::unique_ptr<PrometheusMetrics> MakeMetrics(const ServerConfig& config) {
+  if (config.listen.empty() || config.metrics_listen == "off") return nullptr;
   return std::make_unique<PrometheusMetrics>(kVersion);
 }
 
-} // namespace
+}  // namespace
 
 class Server::Impl {
-public:
-  Impl(const ServerConfig &config, MatchEngine engine,
+ public:
+  Impl(const ServerConfig& config, MatchEngine engine,
        std::unique_ptr<ApiKeys> keys, Stores stores, OnGiveUp on_give_up);
   ~Impl();
 
@@ -111,24 +109,24 @@ public:
   std::string metrics_address() const {
     return prometheus_ == nullptr ? "" : prometheus_->address();
   }
-  const MemoryBudget &budget() const { return budget_; }
+  const MemoryBudget& budget() const { return budget_; }
   int threads_per_job() const { return context_.parse.threads_per_job; }
-  const RequestLimits &limits() const { return context_.parse.limits; }
+  const RequestLimits& limits() const { return context_.parse.limits; }
   JobLoad load() const { return manager_.load(); }
-  const ConnectionLimits &connection_limits() const {
+  const ConnectionLimits& connection_limits() const {
     return plan_.connections;
   }
   std::shared_ptr<grpc::Channel> InProcessChannel() {
     return grpc_->InProcessChannel(grpc::ChannelArguments());
   }
 
-private:
+ private:
   JobLimits MakeJobLimits() const;
   JobEnvironment MakeJobEnvironment();
   ServiceContext MakeContext();
-  absl::Status OpenPort(grpc::ServerBuilder &builder);
+  absl::Status OpenPort(grpc::ServerBuilder& builder);
   void HandOver(int socket);
-  void OnState(const JobRecord &job);
+  void OnState(const JobRecord& job);
   MemoryFigures ReadMemory() const;
   LoadFigures ReadLoad();
   std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>
@@ -138,7 +136,7 @@ private:
   const ResourcePlan plan_;
   const Access access_;
   const std::unique_ptr<PrometheusMetrics> prometheus_;
-  Metrics &metrics_;
+  Metrics& metrics_;
   const Stores stores_;
   const OnGiveUp on_give_up_;
   PreparedCache prepared_;
@@ -177,15 +175,19 @@ private:
   std::unique_ptr<grpc::Server> grpc_;
 };
 
-Server::Impl::Impl(const ServerConfig &config, MatchEngine engine,
+Server::Impl::Impl(const ServerConfig& config, MatchEngine engine,
                    std::unique_ptr<ApiKeys> keys, Stores stores,
                    OnGiveUp on_give_up)
-    : config_(config), plan_(PlanResources(config, ThisMachine())),
-      access_(std::move(keys)), prometheus_(MakeMetrics(config)),
+    : config_(config),
+      plan_(PlanResources(config, ThisMachine())),
+      access_(std::move(keys)),
+      prometheus_(MakeMetrics(config)),
       metrics_(prometheus_ == nullptr ? NullMetrics() : *prometheus_),
-      stores_(std::move(stores)), on_give_up_(std::move(on_give_up)),
+      stores_(std::move(stores)),
+      on_give_up_(std::move(on_give_up)),
       prepared_(plan_.prepared_bytes, stores_.prepared.get()),
-      budget_(plan_.job_bytes), request_bytes_(plan_.request_bytes),
+      budget_(plan_.job_bytes),
+      request_bytes_(plan_.request_bytes),
       requests_(&request_bytes_, plan_.tenant.request_bytes),
       upload_bytes_(plan_.upload_bytes),
       uploads_(&upload_bytes_, plan_.tenant.upload_bytes),
@@ -193,7 +195,7 @@ Server::Impl::Impl(const ServerConfig &config, MatchEngine engine,
       downloads_(&download_bytes_, plan_.tenant.download_bytes),
       upload_calls_(&all_upload_calls_, plan_.tenant.uploads),
       runner_(std::move(engine), DescribeResult, absl::Now, prepared_),
-      retention_clock_(MakeClockParts(config), stores_.last_seen),
+      retention_clock_(MakeClockEnvironment(config), stores_.last_seen),
       workers_(std::make_unique<ThreadPool>(config.workers)),
       timers_(std::make_unique<ThreadPool>(1)),
       intake_(std::make_unique<ThreadPool>(plan_.intake_threads)),
@@ -206,13 +208,13 @@ Server::Impl::Impl(const ServerConfig &config, MatchEngine engine,
       disk_turns_(kAnyNumber, disk_.get()),
       watch_(std::make_unique<ThreadPool>(1)),
       partial_uploads_(&uploads_, timers_.get(), config.partial_upload_kept),
-      manager_(MakeJobEnvironment()), context_(MakeContext()),
+      manager_(MakeJobEnvironment()),
+      context_(MakeContext()),
       service_(context_) {}
 
 Server::Impl::~Impl() {
   Shutdown(absl::ZeroDuration());
-  if (prometheus_ != nullptr)
-    prometheus_->Close();
+  if (prometheus_ != nullptr) prometheus_->Close();
   partial_uploads_.Clear();
   intake_.reset();
   changes_.reset();
@@ -248,7 +250,7 @@ JobEnvironment Server::Impl::MakeJobEnvironment() {
   environment.blobs = stores_.blobs.get();
   environment.budget = &budget_;
   environment.runner = &runner_;
-  environment.load_spec = [this](const JobRecord &record) {
+  environment.load_spec = [this](const JobRecord& record) {
     return LoadJobSpec(record, context_.parse);
   };
   environment.workers = workers_.get();
@@ -260,19 +262,16 @@ JobEnvironment Server::Impl::MakeJobEnvironment() {
   environment.new_id = RandomId;
   environment.read_memory = [this] { return ReadMemory(); };
   environment.traces = stores_.traces.get();
-  environment.on_state = [this](const JobRecord &job) { OnState(job); };
-  if (logs)
-    environment.on_storage = LogStorage;
-  if (logs)
-    environment.on_stuck = LogStuck;
+  environment.on_state = [this](const JobRecord& job) { OnState(job); };
+  if (logs) environment.on_storage = LogStorage;
+  if (logs) environment.on_stuck = LogStuck;
   environment.on_give_up = on_give_up_;
   return environment;
 }
 
-void Server::Impl::OnState(const JobRecord &job) {
+void Server::Impl::OnState(const JobRecord& job) {
   CountState(job, metrics_);
-  if (!config_.listen.empty())
-    LogState(job, absl::Now());
+  if (!config_.listen.empty()) LogState(job, absl::Now());
 }
 
 MemoryFigures Server::Impl::ReadMemory() const {
@@ -304,8 +303,8 @@ LoadFigures Server::Impl::ReadLoad() {
                          .prepared_in_memory = prepared.in_memory,
                          .prepared_on_disk = prepared.on_disk,
                          .prepared_missing = prepared.missing};
-  for (const auto &[priority, count] : manager_.queued_by_priority()) {
-    int &level = priority < 0    ? figures.queued_low
+  for (const auto& [priority, count] : manager_.queued_by_priority()) {
+    int& level = priority < 0    ? figures.queued_low
                  : priority == 0 ? figures.queued_normal
                                  : figures.queued_high;
     level += count;
@@ -346,7 +345,7 @@ ServiceContext Server::Impl::MakeContext() {
   return context;
 }
 
-absl::Status Server::Impl::OpenPort(grpc::ServerBuilder &builder) {
+absl::Status Server::Impl::OpenPort(grpc::ServerBuilder& builder) {
   using Type = grpc::ServerBuilder::experimental_type::ExternalConnectionType;
   ISOMATCH_ASSIGN_OR_RETURN(
       port_credentials_, MakePortCredentials({config_.tls_cert, config_.tls_key,
@@ -374,23 +373,20 @@ absl::Status Server::Impl::Listen() {
     ISOMATCH_RETURN_IF_ERROR(OpenPort(builder));
   }
   builder.RegisterService(&service_);
-  if (config_.no_reflection)
-    TakeReflection(builder);
+  if (config_.no_reflection) TakeReflection(builder);
   std::vector<
       std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>>
       interceptors;
   interceptors.push_back(MakeInterceptors());
   builder.experimental().SetInterceptorCreators(std::move(interceptors));
   grpc_ = builder.BuildAndStart();
-  if (grpc_ == nullptr)
-    return absl::InternalError("gRPC does not start");
+  if (grpc_ == nullptr) return absl::InternalError("gRPC does not start");
   grpc_->GetHealthCheckService()->SetServingStatus(
       v1::CorrespondenceService::service_full_name(), true);
   if (accept_loop_ != nullptr) {
     accept_loop_->Start([this](int socket) { HandOver(socket); });
   }
-  if (prometheus_ == nullptr)
-    return absl::OkStatus();
+  if (prometheus_ == nullptr) return absl::OkStatus();
   return prometheus_->Listen(config_.metrics_listen,
                              [this] { return ReadLoad(); });
 }
@@ -406,22 +402,20 @@ void Server::Impl::Shutdown(absl::Duration drain) {
       absl::SleepFor(jobs_run ? kLastCalls : kLastProbes);
     }
     // What gRPC is given once it shuts down would stay open.
-    if (accept_loop_ != nullptr)
-      accept_loop_->Stop();
+    if (accept_loop_ != nullptr) accept_loop_->Stop();
     if (grpc_ != nullptr) {
       grpc_->Shutdown(absl::ToChronoTime(absl::Now() + kStreamsEnd));
     }
   });
 }
 
-absl::StatusOr<std::unique_ptr<Server>>
-Server::Create(const ServerConfig &config) {
+absl::StatusOr<std::unique_ptr<Server>> Server::Create(
+    const ServerConfig& config) {
   return Create(config, CoreMatchEngine());
 }
 
-absl::StatusOr<std::unique_ptr<Server>>
-Server::Create(const ServerConfig &config, MatchEngine engine,
-               OnGiveUp on_give_up) {
+absl::StatusOr<std::unique_ptr<Server>> Server::Create(
+    const ServerConfig& config, MatchEngine engine, OnGiveUp on_give_up) {
   ISOMATCH_RETURN_IF_ERROR(config.Validate());
   ISOMATCH_ASSIGN_OR_RETURN(std::unique_ptr<ApiKeys> keys, OpenKeys(config));
   ISOMATCH_ASSIGN_OR_RETURN(Stores stores, OpenStores(config));
@@ -437,8 +431,8 @@ Server::~Server() = default;
 std::string Server::address() const { return impl_->address(); }
 std::string Server::metrics_address() const { return impl_->metrics_address(); }
 int Server::threads_per_job() const { return impl_->threads_per_job(); }
-const RequestLimits &Server::limits() const { return impl_->limits(); }
-const ConnectionLimits &Server::connection_limits() const {
+const RequestLimits& Server::limits() const { return impl_->limits(); }
+const ConnectionLimits& Server::connection_limits() const {
   return impl_->connection_limits();
 }
 std::int64_t Server::memory_budget_bytes() const {
@@ -454,4 +448,4 @@ std::shared_ptr<grpc::Channel> Server::InProcessChannel() {
 
 void Server::Shutdown(absl::Duration drain) { impl_->Shutdown(drain); }
 
-} // namespace isomatch
+}  // namespace isomatch

@@ -117,7 +117,7 @@ absl::Status OpenJobsWithRoom(const std::string& folder, Stores& stores) {
 
 }  // namespace
 
-RetentionClock::Parts MakeClockParts(const ServerConfig& config) {
+RetentionClock::Environment MakeClockEnvironment(const ServerConfig& config) {
   const auto steady = [] {
     return absl::FromChrono(
         std::chrono::steady_clock::now().time_since_epoch());
@@ -127,7 +127,7 @@ RetentionClock::Parts MakeClockParts(const ServerConfig& config) {
     (void)WriteFileDurably(path, path + ".new",
                            absl::StrCat(absl::ToUnixSeconds(time), "\n"));
   };
-  RetentionClock::Parts parts = {
+  RetentionClock::Environment environment = {
       .now = absl::Now,
       .steady = steady,
       .save = [](absl::Time) {},
@@ -135,8 +135,8 @@ RetentionClock::Parts MakeClockParts(const ServerConfig& config) {
           [](bool is_believed, const std::string& why) {
             Log(is_believed ? LogLevel::kInfo : LogLevel::kWarning, why);
           }};
-  if (config.is_durable()) parts.save = save;
-  return parts;
+  if (config.is_durable()) environment.save = save;
+  return environment;
 }
 
 absl::StatusOr<Stores> OpenStores(const ServerConfig& config) {

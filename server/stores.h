@@ -42,6 +42,6 @@ absl::StatusOr<Stores> OpenStores(const ServerConfig& config);
 
 /// The clocks of this machine; what was believed is saved for
 /// Stores::last_seen, if the configuration is durable. The log is told.
-RetentionClock::Parts MakeClockParts(const ServerConfig& config);
+RetentionClock::Environment MakeClockEnvironment(const ServerConfig& config);
 
 }  // namespace isomatch

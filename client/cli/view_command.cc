@@ -225,7 +225,7 @@ absl::StatusOr<PairView> Load(const ViewArguments& arguments,
   view.title = arguments.title.empty()
                    ? absl::StrCat(view.x.name, " \u2192 ", view.y.name)
                    : arguments.title;
-  view.colors_y = PlaceColors(mesh_y.positions);
+  view.colors_y = PositionRgb(mesh_y.positions);
   if (arguments.file_colors) {
     ISOMATCH_ASSIGN_OR_RETURN(view.colors_x, FileColors(arguments.x, "X", x));
     ISOMATCH_ASSIGN_OR_RETURN(view.colors_y, FileColors(arguments.y, "Y", y));

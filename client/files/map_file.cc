@@ -124,7 +124,7 @@ struct Entries {
   // Where each stands in a text file; empty for the other formats.
   std::vector<int> lines;
 
-  std::string Place(const std::string& path, std::size_t i) const {
+  std::string Where(const std::string& path, std::size_t i) const {
     return lines.empty() ? absl::StrCat("'", path, "', entry ", i, " (0-based)")
                          : absl::StrCat("'", path, "', line ", lines[i]);
   }
@@ -307,7 +307,7 @@ absl::StatusOr<VertexMap> ReadMap(const std::string& path,
     const std::int64_t y = entries.values[i];
     if (y < kNoVertex || y >= vertices_y) {
       return absl::InvalidArgumentError(
-          absl::StrCat(entries.Place(path, i), ": y is ", y, ", expected ",
+          absl::StrCat(entries.Where(path, i), ": y is ", y, ", expected ",
                        kNoVertex, " to ", vertices_y - 1, " (0-based)"));
     }
     y_from_x.push_back(static_cast<VertexIndex>(y));

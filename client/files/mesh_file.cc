@@ -185,12 +185,12 @@ absl::StatusOr<std::optional<MeshTexture>> ToTexture(const std::string& path,
     return FaultError(absl::StrCat("'", path, "'"), *soup.texture_fault);
   }
   SoupTexture& found = soup.texture;
-  if (found.place_of_corner.empty()) return std::nullopt;
-  found.place_of_corner.resize(soup.corners.size(), -1);
+  if (found.coordinates_of_corner.empty()) return std::nullopt;
+  found.coordinates_of_corner.resize(soup.corners.size(), -1);
   found.material_of_polygon.resize(soup.sizes.size(), -1);
   MeshTexture texture;
-  texture.places = ToMatrix<MeshTexture::Places>(found.places);
-  texture.corners = Triangulate(soup, positions, found.place_of_corner);
+  texture.coordinates = ToMatrix<MeshTexture::Coordinates>(found.coordinates);
+  texture.corners = Triangulate(soup, positions, found.coordinates_of_corner);
   ForEachTriangle(soup, positions, [&](std::size_t polygon, const auto&) {
     texture.material_of_face.push_back(found.material_of_polygon[polygon]);
   });

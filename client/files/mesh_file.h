@@ -17,10 +17,10 @@ using Colors = Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>;
 
 /// Where the faces of a mesh lie in pictures.
 struct MeshTexture {
-  /// k x 2: coordinates u, v of places in a picture.
-  using Places = Eigen::Matrix<double, Eigen::Dynamic, 2, Eigen::RowMajor>;
-  Places places;
-  /// m x 3: for each corner of each face a row of `places`, -1 for none.
+  /// k x 2: u and v in a picture.
+  using Coordinates = Eigen::Matrix<double, Eigen::Dynamic, 2, Eigen::RowMajor>;
+  Coordinates coordinates;
+  /// m x 3: for each corner of each face a row of `coordinates`, -1 for none.
   Faces corners;
   /// Names of materials, and for each face one of them, -1 for none.
   std::vector<std::string> materials;

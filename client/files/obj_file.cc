@@ -64,11 +64,11 @@ std::string FormatObj(const std::string& path, const TriangleMesh& mesh,
   if (texture != nullptr) AppendLibraries(path, *texture, &text);
   AppendVertices(mesh, extras.colors, &text);
   if (texture != nullptr) {
-    for (Eigen::Index i = 0; i < texture->places.rows(); ++i) {
+    for (Eigen::Index i = 0; i < texture->coordinates.rows(); ++i) {
       text += "vt ";
-      AppendNumber(texture->places(i, 0), &text);
+      AppendNumber(texture->coordinates(i, 0), &text);
       text += ' ';
-      AppendNumber(texture->places(i, 1), &text);
+      AppendNumber(texture->coordinates(i, 1), &text);
       text += '\n';
     }
   }

@@ -174,7 +174,7 @@ class ObjReader {
 
   void ReadPlaceOfCorner(absl::string_view word, absl::string_view number) {
     SoupTexture& texture = soup_->texture;
-    const std::size_t count = texture.places.size();
+    const std::size_t count = texture.coordinates.size();
     const auto place = ReadIndex(number, count);
     if (!place || static_cast<std::size_t>(*place) >= count) {
       return FailTexture(
@@ -182,8 +182,8 @@ class ObjReader {
                        ", expected V/VT with VT from 1 to ", count,
                        ", the number of lines vt so far"));
     }
-    texture.place_of_corner.resize(soup_->corners.size(), -1);
-    texture.place_of_corner.back() = *place;
+    texture.coordinates_of_corner.resize(soup_->corners.size(), -1);
+    texture.coordinates_of_corner.back() = *place;
   }
 
   void ReadPlace(const Words& words) {
@@ -192,7 +192,7 @@ class ObjReader {
         (words.size() > 2 && !ReadFinite(words[2], &place[1]))) {
       return FailTexture("expected `vt u v` with finite numbers");
     }
-    soup_->texture.places.push_back(place);
+    soup_->texture.coordinates.push_back(place);
   }
 
   void UseMaterial(const std::string& name) {

@@ -90,7 +90,7 @@ class OffReader {
   std::optional<MeshFault> ReadCount(const char* of, std::int64_t* count) {
     const auto found = ParseHeaderCount(cursor_.Take(), of);
     if (!found.ok()) {
-      return MeshFault{cursor_.Place(), std::string(found.status().message())};
+      return MeshFault{cursor_.Where(), std::string(found.status().message())};
     }
     *count = *found;
     return std::nullopt;
@@ -105,7 +105,7 @@ class OffReader {
       if (word.empty()) return Ends("vertex", v);
       if (ReadFinite(word, &numbers[i])) continue;
       return MeshFault{
-          cursor_.Place(),
+          cursor_.Where(),
           absl::StrCat(kNames[i], " of vertex ", v, " (0-based) is ",
                        Quoted(word), ", expected a finite number")};
     }
@@ -115,7 +115,7 @@ class OffReader {
     const double w = numbers[3];
     soup_->points.push_back({numbers[0] / w, numbers[1] / w, numbers[2] / w});
     if (w != 0) return std::nullopt;
-    return MeshFault{cursor_.Place(),
+    return MeshFault{cursor_.Where(),
                      absl::StrCat("w of vertex ", v,
                                   " (0-based) is 0, expected another number")};
   }
@@ -125,7 +125,7 @@ class OffReader {
     if (size.empty()) return Ends("face", f);
     std::int64_t corners = 0;
     if (!ReadWhole(size, &corners) || corners < 3) {
-      return MeshFault{cursor_.Place(),
+      return MeshFault{cursor_.Where(),
                        absl::StrCat("face ", f, " (0-based) has ", Quoted(size),
                                     " corners, expected 3 or more")};
     }
@@ -135,7 +135,7 @@ class OffReader {
       std::int64_t vertex = 0;
       if (!ReadWhole(word, &vertex) || vertex < 0 || vertex >= vertices_) {
         return MeshFault{
-            cursor_.Place(),
+            cursor_.Where(),
             absl::StrCat("face ", f, " (0-based) names vertex ", Quoted(word),
                          ", expected 0 to ", vertices_ - 1)};
       }
@@ -147,7 +147,7 @@ class OffReader {
   }
 
   MeshFault Ends(const char* kind, std::int64_t item) const {
-    return {cursor_.Place(),
+    return {cursor_.Where(),
             absl::StrCat("the file ends in ", kind, " ", item,
                          " (0-based), expected ", vertices_, " vertices and ",
                          faces_, " faces as its header says")};

@@ -24,9 +24,9 @@ struct MeshFault {
 /// Where the polygons of a file lie in pictures. An entry that is -1, or that
 /// stands beyond the end of its vector, is none.
 struct SoupTexture {
-  std::vector<std::array<double, 2>> places;
-  /// For each corner one of `places`, for each polygon one of `materials`.
-  std::vector<int> place_of_corner;
+  std::vector<std::array<double, 2>> coordinates;
+  /// For each corner one of `coordinates`, for each polygon one of `materials`.
+  std::vector<int> coordinates_of_corner;
   std::vector<int> material_of_polygon;
   std::vector<std::string> materials;
   /// As the file names them.

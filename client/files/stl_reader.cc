@@ -95,7 +95,7 @@ std::optional<MeshFault> ReadText(absl::string_view text,
       cursor.TakeRestOfLine();
     }
     if (word == "endloop" && corners != 3) {
-      return MeshFault{cursor.Place(),
+      return MeshFault{cursor.Where(),
                        absl::StrCat("triangle ", triangles, " (0-based) has ",
                                     corners, " corners, expected 3")};
     }
@@ -111,7 +111,7 @@ std::optional<MeshFault> ReadText(absl::string_view text,
       const absl::string_view number = cursor.Take();
       if (ReadFinite(number, &point[axis])) continue;
       return MeshFault{
-          cursor.Place(),
+          cursor.Where(),
           absl::StrCat(kAxisNames[axis], " of a corner of triangle ", triangles,
                        " (0-based) is ", Quoted(number),
                        ", expected a finite number")};
@@ -119,7 +119,7 @@ std::optional<MeshFault> ReadText(absl::string_view text,
     joiner->Add(point);
   }
   if (has_ended) return std::nullopt;
-  return MeshFault{cursor.Place(),
+  return MeshFault{cursor.Where(),
                    absl::StrCat("the file ends after ", triangles,
                                 " triangles without `endsolid`")};
 }

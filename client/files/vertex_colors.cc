@@ -14,7 +14,7 @@ constexpr double kByteScale = 255;
 }  // namespace
 
 Colors PositionColors(const Positions& positions) {
-  const std::vector<Rgb> bytes = PlaceColors(positions);
+  const std::vector<Rgb> bytes = PositionRgb(positions);
   Colors colors(positions.rows(), 3);
   for (std::size_t v = 0; v < bytes.size(); ++v) {
     for (std::size_t channel = 0; channel < 3; ++channel) {

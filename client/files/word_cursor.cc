@@ -25,7 +25,7 @@ absl::Span<const absl::string_view> WordCursor::TakeRestOfLine() {
   return rest;
 }
 
-std::string WordCursor::Place() const { return absl::StrCat("line ", line()); }
+std::string WordCursor::Where() const { return absl::StrCat("line ", line()); }
 
 bool ReadFinite(absl::string_view word, double* number) {
   return absl::SimpleAtod(word, number) && std::isfinite(*number);

@@ -31,7 +31,7 @@ class WordCursor {
 
   /// Of the last word taken, counted from 1, and in words, "line 3".
   int line() const { return lines_.number; }
-  std::string Place() const;
+  std::string Where() const;
 
  private:
   LineCursor lines_;

@@ -67,7 +67,7 @@ double Steepened(double t) {
 }
 
 /// Of a place in the box, each coordinate from -1 to 1, longest side first.
-Rgb PlaceColor(double longest, double middle, double shortest) {
+Rgb PositionColor(double longest, double middle, double shortest) {
   constexpr double kDegree = std::numbers::pi / 180;
   const double side = Steepened(shortest);
   const double hue = (150 - 130 * longest + 32 * side) * kDegree;
@@ -108,7 +108,7 @@ Palette DistortionPalette() {
                    {0xb2, 0x25, 0x2c}}});
 }
 
-std::vector<Rgb> PlaceColors(const Positions& positions) {
+std::vector<Rgb> PositionRgb(const Positions& positions) {
   const Eigen::RowVector3d low = positions.colwise().minCoeff();
   const Eigen::RowVector3d extent = positions.colwise().maxCoeff() - low;
   std::array<int, 3> axes;
@@ -124,7 +124,7 @@ std::vector<Rgb> PlaceColors(const Positions& positions) {
                      ? 2 * (positions(v, axis) - low[axis]) / extent[axis] - 1
                      : 0;
     }
-    colors[v] = PlaceColor(place[0], place[1], place[2]);
+    colors[v] = PositionColor(place[0], place[1], place[2]);
   }
   return colors;
 }

@@ -34,6 +34,6 @@ Palette DistortionPalette();
 ///
 /// Depends on positions alone, and not on their scale. Vertices on no face
 /// widen the box, nothing else.
-std::vector<Rgb> PlaceColors(const Positions& positions);
+std::vector<Rgb> PositionRgb(const Positions& positions);
 
 }  // namespace isomatch

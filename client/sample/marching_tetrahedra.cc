@@ -69,7 +69,7 @@ class Grid {
   double Value(std::int64_t node) const {
     return values_[static_cast<std::size_t>(node)];
   }
-  Vector3d Place(std::int64_t node) const {
+  Vector3d PositionOf(std::int64_t node) const {
     const Vector3d at(static_cast<double>(node % size_[0]),
                       static_cast<double>(node / size_[0] % size_[1]),
                       static_cast<double>(node / size_[0] / size_[1]));
@@ -92,7 +92,7 @@ class Grid {
     const absl::Status status = ParallelFor(
         size_[1] * size_[2], std::stop_token(), [&](std::int64_t r) {
           for (std::int64_t i = r * row; i < (r + 1) * row; ++i) {
-            values_[static_cast<std::size_t>(i)] = body.At(Place(i)).value;
+            values_[static_cast<std::size_t>(i)] = body.At(PositionOf(i)).value;
           }
         });
     assert(status.ok());
@@ -186,7 +186,8 @@ class Marcher {
       // Away from the nodes, where several vertices would coincide.
       const double t = std::clamp(
           grid_.Value(in) / (grid_.Value(in) - grid_.Value(out)), 0.1, 0.9);
-      points_.push_back((1 - t) * grid_.Place(in) + t * grid_.Place(out));
+      points_.push_back((1 - t) * grid_.PositionOf(in) +
+                        t * grid_.PositionOf(out));
     }
     return entry->second;
   }

@@ -38,7 +38,8 @@ Eigen::RowVector3d PatternColor(SamplePattern pattern,
 
 }  // namespace
 
-Eigen::RowVector2d SamplePlace(const Eigen::RowVector3d& rest, bool is_left) {
+Eigen::RowVector2d SampleCoordinates(const Eigen::RowVector3d& rest,
+                                     bool is_left) {
   const Eigen::AlignedBox3d& box = Box();
   const double length = box.sizes().maxCoeff();
   const double along = (rest.x() - box.min().x()) / length;
@@ -54,11 +55,11 @@ MeshTexture SampleTexture(const Sample& sample, const std::string& library) {
   texture.materials = {kMaterial};
   texture.material_of_face.assign(
       static_cast<std::size_t>(sample.mesh.num_faces()), 0);
-  texture.places.resize(2 * Eigen::Index{n}, 2);
+  texture.coordinates.resize(2 * Eigen::Index{n}, 2);
   for (VertexIndex v = 0; v < n; ++v) {
-    texture.places.row(v) = SamplePlace(sample.rest.row(v), true);
-    texture.places.row(Eigen::Index{n} + v) =
-        SamplePlace(sample.rest.row(v), false);
+    texture.coordinates.row(v) = SampleCoordinates(sample.rest.row(v), true);
+    texture.coordinates.row(Eigen::Index{n} + v) =
+        SampleCoordinates(sample.rest.row(v), false);
   }
   texture.corners = sample.mesh.faces;
   for (VertexIndex f = 0; f < sample.mesh.num_faces(); ++f) {
@@ -85,7 +86,8 @@ Colors SampleColors(const Sample& sample, SamplePattern pattern) {
   Colors colors(sample.rest.rows(), 3);
   for (Eigen::Index v = 0; v < sample.rest.rows(); ++v) {
     const Eigen::RowVector3d rest = sample.rest.row(v);
-    colors.row(v) = PatternColor(pattern, SamplePlace(rest, rest.y() >= 0));
+    colors.row(v) =
+        PatternColor(pattern, SampleCoordinates(rest, rest.y() >= 0));
   }
   return colors;
 }

@@ -27,7 +27,8 @@ MeshTexture SampleTexture(const Sample& sample, const std::string& library);
 
 /// Where a point of the animal at rest lies in the half of the left side, or of
 /// the right.
-Eigen::RowVector2d SamplePlace(const Eigen::RowVector3d& rest, bool is_left);
+Eigen::RowVector2d SampleCoordinates(const Eigen::RowVector3d& rest,
+                                     bool is_left);
 
 /// The pattern, 1024 x 512.
 Image SamplePicture(SamplePattern pattern);

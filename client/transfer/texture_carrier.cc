@@ -21,8 +21,8 @@
 namespace isomatch {
 namespace {
 
-using Place = Eigen::RowVector2d;
-using FaceCorners = std::array<Place, 3>;
+using Coordinates = Eigen::RowVector2d;
+using FaceCorners = std::array<Coordinates, 3>;
 
 // Weights below it are rounding: places travel in single precision.
 constexpr double kNoWeight = 1e-6;
@@ -110,7 +110,8 @@ class TexturedSurface {
       const int same = mesh_.faces(other.face, other.corner) == vertex
                            ? other.corner
                            : (other.corner + 1) % 3;
-      if (PlaceOf(face, end) != PlaceOf(other.face, same)) return kNoVertex;
+      if (CoordinatesOf(face, end) != CoordinatesOf(other.face, same))
+        return kNoVertex;
     }
     return other.face;
   }
@@ -151,27 +152,27 @@ class TexturedSurface {
   }
 
   // REQUIRES: LiesOn(corner, face).
-  Place PlaceOn(const Corner& corner, VertexIndex face) const {
-    Place place = Place::Zero();
+  Coordinates CoordinatesOn(const Corner& corner, VertexIndex face) const {
+    Coordinates coordinates = Coordinates::Zero();
     for (int i = 0; i < corner.count; ++i) {
       const auto slot = static_cast<std::size_t>(i);
-      place += corner.weights[slot] *
-               PlaceOf(face, CornerOf(face, corner.vertices[slot]));
+      coordinates += corner.weights[slot] *
+                     CoordinatesOf(face, CornerOf(face, corner.vertices[slot]));
     }
-    return place;
+    return coordinates;
   }
 
-  Place PlaceOn(const SurfacePoint& point) const {
-    Place place = Place::Zero();
+  Coordinates CoordinatesOn(const SurfacePoint& point) const {
+    Coordinates coordinates = Coordinates::Zero();
     for (int i = 0; i < 3; ++i) {
-      place += point.weights[i] * PlaceOf(point.face, i);
+      coordinates += point.weights[i] * CoordinatesOf(point.face, i);
     }
-    return place;
+    return coordinates;
   }
 
  private:
-  Place PlaceOf(VertexIndex face, int corner) const {
-    return texture_.places.row(texture_.corners(face, corner));
+  Coordinates CoordinatesOf(VertexIndex face, int corner) const {
+    return texture_.coordinates.row(texture_.corners(face, corner));
   }
   int CornerOf(VertexIndex face, VertexIndex vertex) const {
     for (int i = 0; i < 3; ++i) {
@@ -191,7 +192,7 @@ class TexturedSurface {
 struct FaceTexture {
   bool has_texture = false;
   bool is_on_seam = false;
-  FaceCorners places;
+  FaceCorners coordinates;
   int material = -1;
 };
 
@@ -352,9 +353,10 @@ class FaceCarrier {
     face.material = surface_.MaterialOf(sheet.faces[0]);
     for (std::size_t i = 0; i < 3; ++i) {
       const VertexIndex met = sheet.face_of_corner[i];
-      face.places[i] = met != kNoVertex
-                           ? surface_.PlaceOn(corners_[i], met)
-                           : surface_.PlaceOn(NearestOn(sheet, corners_[i]));
+      face.coordinates[i] =
+          met != kNoVertex
+              ? surface_.CoordinatesOn(corners_[i], met)
+              : surface_.CoordinatesOn(NearestOn(sheet, corners_[i]));
     }
     return face;
   }
@@ -386,33 +388,35 @@ absl::Status CarryFaces(const Faces& faces_x, const TexturedSurface& surface,
   });
 }
 
-// Gives each vertex one row for each of the places its faces have for it.
-class PlaceNumbers {
+// Gives each vertex one row for each of the coordinates its faces have for it.
+class CoordinateNumbers {
  public:
-  explicit PlaceNumbers(VertexIndex vertices)
+  explicit CoordinateNumbers(VertexIndex vertices)
       : rows_of_(static_cast<std::size_t>(vertices)) {}
 
-  VertexIndex NumberOf(VertexIndex vertex, const Place& place) {
+  VertexIndex NumberOf(VertexIndex vertex, const Coordinates& coordinates) {
     std::vector<VertexIndex>& rows = rows_of_[static_cast<std::size_t>(vertex)];
     for (const VertexIndex row : rows) {
-      if (places_[static_cast<std::size_t>(row)] == place) return row;
+      if (coordinates_[static_cast<std::size_t>(row)] == coordinates)
+        return row;
     }
-    rows.push_back(static_cast<VertexIndex>(places_.size()));
-    places_.push_back(place);
+    rows.push_back(static_cast<VertexIndex>(coordinates_.size()));
+    coordinates_.push_back(coordinates);
     return rows.back();
   }
 
-  MeshTexture::Places Places() const {
-    MeshTexture::Places places(static_cast<Eigen::Index>(places_.size()), 2);
-    for (std::size_t i = 0; i < places_.size(); ++i) {
-      places.row(static_cast<Eigen::Index>(i)) = places_[i];
+  MeshTexture::Coordinates All() const {
+    MeshTexture::Coordinates all(static_cast<Eigen::Index>(coordinates_.size()),
+                                 2);
+    for (std::size_t i = 0; i < coordinates_.size(); ++i) {
+      all.row(static_cast<Eigen::Index>(i)) = coordinates_[i];
     }
-    return places;
+    return all;
   }
 
  private:
   std::vector<std::vector<VertexIndex>> rows_of_;
-  std::vector<Place> places_;
+  std::vector<Coordinates> coordinates_;
 };
 
 }  // namespace
@@ -430,7 +434,7 @@ absl::StatusOr<CarriedTexture> CarryTexture(
   texture.materials = texture_y.materials;
   texture.libraries = texture_y.libraries;
   texture.corners = Faces::Constant(mesh_x.num_faces(), 3, -1);
-  PlaceNumbers numbers(mesh_x.num_vertices());
+  CoordinateNumbers numbers(mesh_x.num_vertices());
   for (VertexIndex f = 0; f < mesh_x.num_faces(); ++f) {
     const FaceTexture& face = found[static_cast<std::size_t>(f)];
     carried.faces_without += !face.has_texture;
@@ -438,10 +442,10 @@ absl::StatusOr<CarriedTexture> CarryTexture(
     texture.material_of_face.push_back(face.material);
     for (int i = 0; i < 3 && face.has_texture; ++i) {
       texture.corners(f, i) = numbers.NumberOf(
-          mesh_x.faces(f, i), face.places[static_cast<std::size_t>(i)]);
+          mesh_x.faces(f, i), face.coordinates[static_cast<std::size_t>(i)]);
     }
   }
-  texture.places = numbers.Places();
+  texture.coordinates = numbers.All();
   return carried;
 }
 

@@ -20,63 +20,65 @@ namespace isomatch {
 namespace {
 
 /// Cost of a whole size apart in space, against a factor of e in area: decides
-/// only between parts that are otherwise alike.
+/// only between components that are otherwise alike.
 constexpr double kPlaceWeight = 0.05;
-/// What one landmark between two parts takes off their cost.
+/// What one landmark between two components takes off their cost.
 constexpr double kLandmarkGain = 100;
 constexpr int kExtremities = 4;
 
-/// One part as a mesh of its own, and its vertices in the user's numbering.
-struct Part {
+/// One component as a mesh of its own, and its vertices in the user's
+/// numbering.
+struct Component {
   TriangleMesh mesh;
-  VertexMap user_from_part;
-  VertexMap part_from_clean;
+  VertexMap user_from_component;
+  VertexMap component_from_clean;
 };
 
-Part ExtractPart(const MeshParts& parts, int position) {
-  const TriangleMesh& whole = parts.clean.mesh;
-  const int component = parts.large[position];
-  Part part;
-  part.part_from_clean.assign(whole.num_vertices(), kNoVertex);
+Component ExtractComponent(const SplitMesh& split, int position) {
+  const TriangleMesh& whole = split.clean.mesh;
+  const int number = split.large[position];
+  Component component;
+  component.component_from_clean.assign(whole.num_vertices(), kNoVertex);
   VertexMap kept;
   for (VertexIndex v = 0; v < whole.num_vertices(); ++v) {
-    if (parts.components.of_vertex[v] != component) continue;
-    part.part_from_clean[v] = static_cast<VertexIndex>(kept.size());
+    if (split.components.of_vertex[v] != number) continue;
+    component.component_from_clean[v] = static_cast<VertexIndex>(kept.size());
     kept.push_back(v);
-    part.user_from_part.push_back(parts.clean.original_from_clean[v]);
+    component.user_from_component.push_back(split.clean.original_from_clean[v]);
   }
   std::vector<VertexIndex> faces;
   for (VertexIndex f = 0; f < whole.num_faces(); ++f) {
-    if (parts.components.of_vertex[whole.faces(f, 0)] == component) {
+    if (split.components.of_vertex[whole.faces(f, 0)] == number) {
       faces.push_back(f);
     }
   }
-  part.mesh.positions = whole.positions(kept, Eigen::all);
-  part.mesh.faces = whole.faces(faces, Eigen::all);
-  for (Eigen::Index i = 0; i < part.mesh.faces.size(); ++i) {
-    part.mesh.faces.data()[i] = part.part_from_clean[part.mesh.faces.data()[i]];
+  component.mesh.positions = whole.positions(kept, Eigen::all);
+  component.mesh.faces = whole.faces(faces, Eigen::all);
+  for (Eigen::Index i = 0; i < component.mesh.faces.size(); ++i) {
+    component.mesh.faces.data()[i] =
+        component.component_from_clean[component.mesh.faces.data()[i]];
   }
-  return part;
+  return component;
 }
 
-/// What parts are told apart by.
-struct PartShape {
-  double log_area;           ///< of its fraction of all large parts
+/// What components are told apart by.
+struct ComponentShape {
+  double log_area;           ///< of its fraction of all large ones
   double log_length;         ///< of the longest distance found over sqrt(area)
   Eigen::RowVector3d place;  ///< center, in sizes of the whole
 };
 
-absl::StatusOr<std::vector<PartShape>> ShapesOf(const MeshParts& parts,
-                                                const std::stop_token& stop) {
+absl::StatusOr<std::vector<ComponentShape>> ShapesOf(
+    const SplitMesh& split, const std::stop_token& stop) {
   const double total =
-      std::accumulate(parts.areas.begin(), parts.areas.end(), 0.0);
-  std::vector<PartShape> shapes;
-  const Eigen::RowVector3d center = parts.clean.mesh.positions.colwise().mean();
-  for (std::size_t i = 0; i < parts.large.size(); ++i) {
-    const Part part = ExtractPart(parts, static_cast<int>(i));
-    const DistanceFieldSolver solver(part.mesh, stop);
+      std::accumulate(split.areas.begin(), split.areas.end(), 0.0);
+  std::vector<ComponentShape> shapes;
+  const Eigen::RowVector3d center = split.clean.mesh.positions.colwise().mean();
+  for (std::size_t i = 0; i < split.large.size(); ++i) {
+    const Component component = ExtractComponent(split, static_cast<int>(i));
+    const DistanceFieldSolver solver(component.mesh, stop);
     DistanceFieldSolver::Workspace workspace;
-    std::vector<float> field(part.mesh.num_vertices());
+    std::vector<float> field(component.mesh.num_vertices());
     float longest = 0;
     ISOMATCH_ASSIGN_OR_RETURN(const std::vector<VertexIndex> points,
                               FarthestPoints(solver, kExtremities, stop));
@@ -86,33 +88,33 @@ absl::StatusOr<std::vector<PartShape>> ShapesOf(const MeshParts& parts,
         if (d < kUnreachable) longest = std::max(longest, d);
       }
     }
-    shapes.push_back(
-        {std::log(parts.areas[i] / total),
-         std::log(longest / std::sqrt(parts.areas[i]) + 1e-9),
-         (part.mesh.positions.colwise().mean() - center) / std::sqrt(total)});
+    shapes.push_back({std::log(split.areas[i] / total),
+                      std::log(longest / std::sqrt(split.areas[i]) + 1e-9),
+                      (component.mesh.positions.colwise().mean() - center) /
+                          std::sqrt(total)});
   }
   return shapes;
 }
 
-/// Position in `large` of the part that a user's vertex lies in, or -1.
-int PartOf(const MeshParts& parts, VertexIndex user) {
-  const VertexIndex v = parts.clean.clean_from_original[user];
+/// Position in `large` of the component that a user's vertex lies in, or -1.
+int ComponentOf(const SplitMesh& split, VertexIndex user) {
+  const VertexIndex v = split.clean.clean_from_original[user];
   if (v == kNoVertex) return -1;
-  const auto found = std::find(parts.large.begin(), parts.large.end(),
-                               parts.components.of_vertex[v]);
-  return found == parts.large.end()
+  const auto found = std::find(split.large.begin(), split.large.end(),
+                               split.components.of_vertex[v]);
+  return found == split.large.end()
              ? -1
-             : static_cast<int>(found - parts.large.begin());
+             : static_cast<int>(found - split.large.begin());
 }
 
-std::vector<std::string> WarningsOf(const MeshParts& parts) {
+std::vector<std::string> WarningsOf(const SplitMesh& split) {
   const auto small =
-      std::count_if(parts.components.of_vertex.begin(),
-                    parts.components.of_vertex.end(), [&](int component) {
-                      return std::find(parts.large.begin(), parts.large.end(),
-                                       component) == parts.large.end();
+      std::count_if(split.components.of_vertex.begin(),
+                    split.components.of_vertex.end(), [&](int component) {
+                      return std::find(split.large.begin(), split.large.end(),
+                                       component) == split.large.end();
                     });
-  std::vector<std::string> warnings = parts.clean.warnings;
+  std::vector<std::string> warnings = split.clean.warnings;
   if (small > 0) {
     warnings.push_back(absl::StrCat(
         small, " vertices of small components follow the nearest larger one"));
@@ -120,13 +122,13 @@ std::vector<std::string> WarningsOf(const MeshParts& parts) {
   return warnings;
 }
 
-absl::Status CheckOnFaces(const MeshParts& parts_x, const MeshParts& parts_y,
+absl::Status CheckOnFaces(const SplitMesh& split_x, const SplitMesh& split_y,
                           absl::Span<const Landmark> landmarks) {
   for (std::size_t i = 0; i < landmarks.size(); ++i) {
     const bool x =
-        parts_x.clean.clean_from_original[landmarks[i].x] != kNoVertex;
+        split_x.clean.clean_from_original[landmarks[i].x] != kNoVertex;
     const bool y =
-        parts_y.clean.clean_from_original[landmarks[i].y] != kNoVertex;
+        split_y.clean.clean_from_original[landmarks[i].y] != kNoVertex;
     if (x && y) continue;
     return absl::InvalidArgumentError(
         absl::StrCat("landmarks[", i, "].", x ? "y" : "x",
@@ -136,36 +138,36 @@ absl::Status CheckOnFaces(const MeshParts& parts_x, const MeshParts& parts_y,
   return absl::OkStatus();
 }
 
-/// The results of the parts on their way into one.
+/// The results of the components on their way into one.
 class Merger {
  public:
-  Merger(const TriangleMesh& mesh_x, const MeshParts& parts_x,
-         const MeshParts& parts_y, absl::Span<const Landmark> landmarks)
-      : mesh_x_(mesh_x), parts_x_(parts_x) {
+  Merger(const TriangleMesh& mesh_x, const SplitMesh& split_x,
+         const SplitMesh& split_y, absl::Span<const Landmark> landmarks)
+      : mesh_x_(mesh_x), split_x_(split_x) {
     result_.y_from_x.assign(mesh_x.num_vertices(), kNoVertex);
     result_.precise.resize(mesh_x.num_vertices());
     result_.confidence.assign(mesh_x.num_vertices(), 0);
     result_.landmarks.assign(landmarks.size(), {false, kNoVertex, 0});
-    result_.area_x = SurfaceArea(parts_x.clean.mesh);
-    result_.area_y = SurfaceArea(parts_y.clean.mesh);
-    result_.warnings_x = WarningsOf(parts_x);
-    result_.warnings_y = WarningsOf(parts_y);
-    if (parts_x.large.size() != parts_y.large.size()) {
+    result_.area_x = SurfaceArea(split_x.clean.mesh);
+    result_.area_y = SurfaceArea(split_y.clean.mesh);
+    result_.warnings_x = WarningsOf(split_x);
+    result_.warnings_y = WarningsOf(split_y);
+    if (split_x.large.size() != split_y.large.size()) {
       result_.warnings.push_back(absl::StrCat(
-          parts_x.large.size(), " large components on X, ",
-          parts_y.large.size(), " on Y: some have no counterpart"));
+          split_x.large.size(), " large components on X, ",
+          split_y.large.size(), " on Y: some have no counterpart"));
     }
-    for (const double area : parts_x.areas) total_ += area;
+    for (const double area : split_x.areas) total_ += area;
   }
 
   /// `landmark_indices`: the user's numbers of the landmarks that were given.
-  void Add(const Part& x, const Part& y, double area,
+  void Add(const Component& x, const Component& y, double area,
            const std::vector<std::size_t>& landmark_indices,
            const Correspondence& found) {
     const double weight = area / total_;
     Place(x, y, found.y_from_x, &result_.y_from_x);
     for (std::size_t v = 0; v < found.y_from_x.size(); ++v) {
-      const VertexIndex user = x.user_from_part[v];
+      const VertexIndex user = x.user_from_component[v];
       PrecisePoint point = found.precise[v];
       for (VertexIndex& vertex : point.vertices) vertex = ToUser(y, vertex);
       result_.precise[user] = point;
@@ -178,7 +180,7 @@ class Merger {
     }
     for (const VertexMatch& match : found.sparse_matches) {
       result_.sparse_matches.push_back(
-          {x.user_from_part[match.x], y.user_from_part[match.y]});
+          {x.user_from_component[match.x], y.user_from_component[match.y]});
     }
     result_.objective += weight * found.objective;
     AddScores(weight, found.scores, &result_.scores);
@@ -222,30 +224,31 @@ class Merger {
   }
 
  private:
-  static VertexIndex ToUser(const Part& part, VertexIndex v) {
-    return v == kNoVertex ? kNoVertex : part.user_from_part[v];
+  static VertexIndex ToUser(const Component& component, VertexIndex v) {
+    return v == kNoVertex ? kNoVertex : component.user_from_component[v];
   }
 
-  static void Place(const Part& x, const Part& y, const VertexMap& y_from_x,
-                    VertexMap* map) {
+  static void Place(const Component& x, const Component& y,
+                    const VertexMap& y_from_x, VertexMap* map) {
     for (std::size_t v = 0; v < y_from_x.size(); ++v) {
-      (*map)[x.user_from_part[v]] = ToUser(y, y_from_x[v]);
+      (*map)[x.user_from_component[v]] = ToUser(y, y_from_x[v]);
     }
   }
 
-  static void AddScores(double weight, const MapScores& part,
+  static void AddScores(double weight, const MapScores& component,
                         MapScores* whole) {
-    whole->embedding_error += weight * part.embedding_error;
-    whole->orientation_score += weight * part.orientation_score;
-    whole->curvature_mismatch += weight * part.curvature_mismatch;
-    whole->normal_mismatch += weight * part.normal_mismatch;
-    whole->descriptor_mismatch += weight * part.descriptor_mismatch;
-    whole->stretch += weight * part.stretch;
-    whole->landmark_contradiction += weight * part.landmark_contradiction;
-    whole->rank_value += weight * part.rank_value;
+    whole->embedding_error += weight * component.embedding_error;
+    whole->orientation_score += weight * component.orientation_score;
+    whole->curvature_mismatch += weight * component.curvature_mismatch;
+    whole->normal_mismatch += weight * component.normal_mismatch;
+    whole->descriptor_mismatch += weight * component.descriptor_mismatch;
+    whole->stretch += weight * component.stretch;
+    whole->landmark_contradiction += weight * component.landmark_contradiction;
+    whole->rank_value += weight * component.rank_value;
   }
 
-  void AddStages(const Part& x, const Part& y, const Correspondence& found) {
+  void AddStages(const Component& x, const Component& y,
+                 const Correspondence& found) {
     for (std::size_t s = 0; s < found.stage_maps.size(); ++s) {
       if (s == result_.stage_maps.size()) {
         result_.stage_maps.push_back(
@@ -263,7 +266,7 @@ class Merger {
     VertexMap followers;
     VertexMap leaders;
     for (VertexIndex v = 0; v < mesh_x_.num_vertices(); ++v) {
-      if (parts_x_.clean.clean_from_original[v] == kNoVertex) continue;
+      if (split_x_.clean.clean_from_original[v] == kNoVertex) continue;
       if (result_.y_from_x[v] == kNoVertex) {
         followers.push_back(v);
       } else {
@@ -287,7 +290,7 @@ class Merger {
   }
 
   const TriangleMesh& mesh_x_;
-  const MeshParts& parts_x_;
+  const SplitMesh& split_x_;
   double total_ = 0;
   Correspondence result_;
   std::optional<Alternative> runner_up_;
@@ -295,32 +298,32 @@ class Merger {
 
 }  // namespace
 
-absl::StatusOr<MeshParts> SplitIntoParts(const TriangleMesh& mesh,
-                                         const std::stop_token& stop) {
-  MeshParts parts;
-  ISOMATCH_ASSIGN_OR_RETURN(parts.clean, Clean(mesh, stop));
+absl::StatusOr<SplitMesh> SplitIntoComponents(const TriangleMesh& mesh,
+                                              const std::stop_token& stop) {
+  SplitMesh split;
+  ISOMATCH_ASSIGN_OR_RETURN(split.clean, Clean(mesh, stop));
   ISOMATCH_RETURN_IF_ERROR(CheckNotCancelled(stop));
-  parts.components = ConnectedComponents(parts.clean.mesh);
-  parts.large = LargeComponents(parts.clean.mesh, parts.components);
-  parts.areas.assign(parts.large.size(), 0);
-  for (VertexIndex f = 0; f < parts.clean.mesh.num_faces(); ++f) {
+  split.components = ConnectedComponents(split.clean.mesh);
+  split.large = LargeComponents(split.clean.mesh, split.components);
+  split.areas.assign(split.large.size(), 0);
+  for (VertexIndex f = 0; f < split.clean.mesh.num_faces(); ++f) {
     const int component =
-        parts.components.of_vertex[parts.clean.mesh.faces(f, 0)];
+        split.components.of_vertex[split.clean.mesh.faces(f, 0)];
     const auto at =
-        std::find(parts.large.begin(), parts.large.end(), component);
-    if (at == parts.large.end()) continue;
-    parts.areas[at - parts.large.begin()] += FaceArea(parts.clean.mesh, f);
+        std::find(split.large.begin(), split.large.end(), component);
+    if (at == split.large.end()) continue;
+    split.areas[at - split.large.begin()] += FaceArea(split.clean.mesh, f);
   }
-  return parts;
+  return split;
 }
 
-absl::StatusOr<std::vector<PartPair>> PairParts(
-    const MeshParts& parts_x, const MeshParts& parts_y,
+absl::StatusOr<std::vector<ComponentPair>> PairComponents(
+    const SplitMesh& split_x, const SplitMesh& split_y,
     absl::Span<const Landmark> landmarks, const std::stop_token& stop) {
-  ISOMATCH_ASSIGN_OR_RETURN(const std::vector<PartShape> shapes_x,
-                            ShapesOf(parts_x, stop));
-  ISOMATCH_ASSIGN_OR_RETURN(const std::vector<PartShape> shapes_y,
-                            ShapesOf(parts_y, stop));
+  ISOMATCH_ASSIGN_OR_RETURN(const std::vector<ComponentShape> shapes_x,
+                            ShapesOf(split_x, stop));
+  ISOMATCH_ASSIGN_OR_RETURN(const std::vector<ComponentShape> shapes_y,
+                            ShapesOf(split_y, stop));
   // The last solve may have ended early.
   ISOMATCH_RETURN_IF_ERROR(CheckNotCancelled(stop));
   std::vector<std::tuple<double, int, int>> costs;
@@ -331,8 +334,8 @@ absl::StatusOr<std::vector<PartPair>> PairParts(
           std::abs(shapes_x[x].log_length - shapes_y[y].log_length) +
           kPlaceWeight * (shapes_x[x].place - shapes_y[y].place).norm();
       for (const Landmark& landmark : landmarks) {
-        if (PartOf(parts_x, landmark.x) == x &&
-            PartOf(parts_y, landmark.y) == y) {
+        if (ComponentOf(split_x, landmark.x) == x &&
+            ComponentOf(split_y, landmark.y) == y) {
           cost -= kLandmarkGain;
         }
       }
@@ -342,52 +345,55 @@ absl::StatusOr<std::vector<PartPair>> PairParts(
   std::sort(costs.begin(), costs.end());
   std::vector<char> taken_x(shapes_x.size(), false);
   std::vector<char> taken_y(shapes_y.size(), false);
-  std::vector<PartPair> pairs;
+  std::vector<ComponentPair> pairs;
   for (const auto& [cost, x, y] : costs) {
     if (taken_x[x] || taken_y[y]) continue;
     taken_x[x] = taken_y[y] = true;
     pairs.push_back({x, y});
   }
-  std::sort(pairs.begin(), pairs.end(),
-            [](const PartPair& a, const PartPair& b) { return a.x < b.x; });
+  std::sort(
+      pairs.begin(), pairs.end(),
+      [](const ComponentPair& a, const ComponentPair& b) { return a.x < b.x; });
   return pairs;
 }
 
-absl::StatusOr<Correspondence> MatchByParts(
-    const TriangleMesh& mesh_x, const MeshParts& parts_x,
-    const MeshParts& parts_y, absl::Span<const Landmark> landmarks,
+absl::StatusOr<Correspondence> MatchByComponents(
+    const TriangleMesh& mesh_x, const SplitMesh& split_x,
+    const SplitMesh& split_y, absl::Span<const Landmark> landmarks,
     const MatchOne& match_one, const ProgressCallback& progress,
     const std::stop_token& stop) {
-  ISOMATCH_RETURN_IF_ERROR(CheckOnFaces(parts_x, parts_y, landmarks));
-  ISOMATCH_ASSIGN_OR_RETURN(const std::vector<PartPair> pairs,
-                            PairParts(parts_x, parts_y, landmarks, stop));
-  Merger merger(mesh_x, parts_x, parts_y, landmarks);
+  ISOMATCH_RETURN_IF_ERROR(CheckOnFaces(split_x, split_y, landmarks));
+  ISOMATCH_ASSIGN_OR_RETURN(const std::vector<ComponentPair> pairs,
+                            PairComponents(split_x, split_y, landmarks, stop));
+  Merger merger(mesh_x, split_x, split_y, landmarks);
   for (std::size_t i = 0; i < pairs.size(); ++i) {
-    const Part x = ExtractPart(parts_x, pairs[i].x);
-    const Part y = ExtractPart(parts_y, pairs[i].y);
+    const Component x = ExtractComponent(split_x, pairs[i].x);
+    const Component y = ExtractComponent(split_y, pairs[i].y);
     std::vector<Landmark> own;
     std::vector<std::size_t> indices;
     for (std::size_t l = 0; l < landmarks.size(); ++l) {
-      if (PartOf(parts_x, landmarks[l].x) != pairs[i].x ||
-          PartOf(parts_y, landmarks[l].y) != pairs[i].y) {
+      if (ComponentOf(split_x, landmarks[l].x) != pairs[i].x ||
+          ComponentOf(split_y, landmarks[l].y) != pairs[i].y) {
         continue;
       }
       own.push_back(
-          {x.part_from_clean[parts_x.clean.clean_from_original[landmarks[l].x]],
-           y.part_from_clean[parts_y.clean
-                                 .clean_from_original[landmarks[l].y]]});
+          {x.component_from_clean[split_x.clean
+                                      .clean_from_original[landmarks[l].x]],
+           y.component_from_clean[split_y.clean
+                                      .clean_from_original[landmarks[l].y]]});
       indices.push_back(l);
     }
-    const auto part_progress = [&](const Progress& of_part) {
+    const auto component_progress = [&](const Progress& of_component) {
       if (!progress) return;
-      Progress whole = of_part;
-      whole.total_fraction = (double(i) + of_part.total_fraction) /
+      Progress whole = of_component;
+      whole.total_fraction = (double(i) + of_component.total_fraction) /
                              static_cast<double>(pairs.size());
       progress(whole);
     };
-    ISOMATCH_ASSIGN_OR_RETURN(const Correspondence found,
-                              match_one(x.mesh, y.mesh, own, part_progress));
-    merger.Add(x, y, parts_x.areas[pairs[i].x], indices, found);
+    ISOMATCH_ASSIGN_OR_RETURN(
+        const Correspondence found,
+        match_one(x.mesh, y.mesh, own, component_progress));
+    merger.Add(x, y, split_x.areas[pairs[i].x], indices, found);
   }
   return merger.Finish(landmarks, stop);
 }

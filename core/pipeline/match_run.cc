@@ -150,7 +150,7 @@ class MatchRun {
         const std::vector<RankedMap> maps,
         RunFirstStage({pools_[kX], pools_[kY], search_[kX], search_[kY],
                        frames_[kX], frames_[kY]},
-                      seeds, first, progress_.Part(0, 1), stop_));
+                      seeds, first, progress_.Share(0, 1), stop_));
     for (const RankedMap& map : maps) {
       // What ranks far behind, or lies on the wrong side although the best does
       // not, has lost already.
@@ -206,14 +206,14 @@ class MatchRun {
     second.fraction = options_.second_stage_fraction;
     RandomStream random(options_.random_seed, kSecondStageStream);
     ISOMATCH_RETURN_IF_ERROR(RunSecondStage(shape_x, shape_y, second, &random,
-                                            progress_.Part(0, 1), stop_, &map));
+                                            progress_.Share(0, 1), stop_, &map));
     best().y_from_x = map.y_from_x;
     Keep(Stage::kSecondInsertion);
     progress_.Begin(Stage::kFinalSwapping);
     if (options_.swapping != Swapping::kNone) {
       ISOMATCH_RETURN_IF_ERROR(SwapWorst(shape_x, shape_y,
                                          options_.final_swap_fraction,
-                                         progress_.Part(0, 1), stop_, &map));
+                                         progress_.Share(0, 1), stop_, &map));
     }
     best().y_from_x = map.y_from_x;
     Keep(Stage::kFinalSwapping);
@@ -246,7 +246,7 @@ class MatchRun {
                                  std::move(best().y_from_x),
                                  {options_.zoomout_start, options_.zoomout_end,
                                   options_.zoomout_step},
-                                 progress_.Part(0, 1), stop_));
+                                 progress_.Share(0, 1), stop_));
     Keep(Stage::kZoomOut);
     return absl::OkStatus();
   }
@@ -264,7 +264,7 @@ class MatchRun {
     }
     choice_.emplace(shape(kX), shape(kY), options_, stop_);
     ISOMATCH_ASSIGN_OR_RETURN(
-        alignment_, choice_->Choose(progress_.Part(0, 1), &candidates_));
+        alignment_, choice_->Choose(progress_.Share(0, 1), &candidates_));
     Keep(Stage::kChoice);
     return absl::OkStatus();
   }
@@ -311,7 +311,7 @@ class MatchRun {
         });
     alignment_->Fix(kept);
     ISOMATCH_RETURN_IF_ERROR(
-        choice_->Finish(moved, progress_.Part(0, 1), alignment_.get()));
+        choice_->Finish(moved, progress_.Share(0, 1), alignment_.get()));
     best().y_from_x = alignment_->y_from_x();
     ISOMATCH_ASSIGN_OR_RETURN(offsets_,
                               choice_->DescriptorOffsets(best().y_from_x));

@@ -68,7 +68,7 @@ absl::Status PrepareMeshes(std::array<std::optional<MeshToPrepare>, 2> meshes,
     ISOMATCH_ASSIGN_OR_RETURN(
         (*prepared)[side].hash,
         HashGeodesics((*prepared)[side].solved(), options.pool_size,
-                      progress->Part(side, 2), stop));
+                      progress->Share(side, 2), stop));
     return absl::OkStatus();
   }));
   if (SpectralCount(options) > 0) progress->Begin(Stage::kSpectral);

@@ -136,8 +136,8 @@ class Reader {
   bool ok_ = true;
 };
 
-/// The parts of a BasisPoints.
-struct BasisParts {
+/// The members of a BasisPoints.
+struct BasisFields {
   std::vector<VertexIndex> points;
   VertexIndex num_vertices = 0;
   std::vector<float> fields;
@@ -163,7 +163,7 @@ void MeshFields(Visitor& visit, Key& key, Mesh& mesh, Crc& crc) {
   visit(crc);
 }
 
-/// And those that follow unless it is matched part by part.
+/// And those that follow unless its components are matched one by one.
 template <typename Visitor, typename Prepared, typename Basis>
 void PreparedFields(Visitor& visit, Prepared& prepared, Basis& basis) {
   visit(prepared.hash.farthest_points);
@@ -192,7 +192,7 @@ bool IsDistance(float value) { return value >= 0 && value <= kUnreachable; }
 /// A checksum keeps accidents out, not a file made to do harm: whatever is used
 /// as an index or a size is compared with the mesh, numbers must be finite.
 bool Consistent(const PreparationKey& key, const PreparedMesh& prepared,
-                const BasisParts& basis) {
+                const BasisFields& basis) {
   const VertexIndex n = prepared.solved().mesh.num_vertices();
   const std::vector<VertexIndex>& farthest = prepared.hash.farthest_points;
   if (basis.num_vertices != n ||
@@ -228,7 +228,8 @@ bool Consistent(const PreparationKey& key, const PreparedMesh& prepared,
 }
 
 /// What of the rest follows from what was read.
-void Complete(const PreparationKey& key, BasisParts basis, PreparedMesh* into) {
+void Complete(const PreparationKey& key, BasisFields basis,
+              PreparedMesh* into) {
   PreparedMesh& prepared = *into;
   prepared.hash.basis = BasisPoints::FromFields(
       std::move(basis.points), basis.num_vertices, std::move(basis.fields));
@@ -273,9 +274,9 @@ struct Stored {
   TriangleMesh mesh;
   PreparationKey key;
   std::uint32_t crc = 0;
-  /// Without what follows from the mesh; none of a shape in parts.
+  /// Without what follows from the mesh; none of a shape that is split.
   std::optional<PreparedMesh> whole;
-  BasisParts basis;
+  BasisFields basis;
 };
 
 absl::StatusOr<Stored> ReadStored(absl::string_view bytes) {
@@ -308,7 +309,7 @@ absl::Status CompleteWhole(CleanMesh clean, const std::stop_token& stop,
         "prepared");
   }
   if (!Consistent(stored->key, whole, stored->basis)) {
-    return DataLoss("the parts do not fit");
+    return DataLoss("the members do not fit");
   }
   Complete(stored->key, std::move(stored->basis), &whole);
   return absl::OkStatus();
@@ -319,14 +320,14 @@ absl::Status CompleteWhole(CleanMesh clean, const std::stop_token& stop,
 std::string SerializePreparedShape(const PreparedShape& shape) {
   const PreparedShape::Contents& contents = shape.contents();
   const std::uint32_t crc = CrcOf(contents.whole ? contents.whole->solved().mesh
-                                  : contents.parts ? contents.parts->clean.mesh
+                                  : contents.split ? contents.split->clean.mesh
                                                    : *contents.mesh);
   Writer writer;
   MeshFields(writer, contents.key, *contents.mesh, crc);
   if (contents.whole) {
     const BasisPoints& points = contents.whole->hash.basis;
-    const BasisParts basis = {points.points(), points.num_vertices(),
-                              points.fields()};
+    const BasisFields basis = {points.points(), points.num_vertices(),
+                               points.fields()};
     PreparedFields(writer, *contents.whole, basis);
   }
   const std::string payload = writer.Take();
@@ -339,12 +340,14 @@ absl::StatusOr<PreparedShape> ParsePreparedShapeHere(absl::string_view bytes,
                                                      std::stop_token stop) {
   ISOMATCH_RETURN_IF_ERROR(CheckAndStrip(&bytes));
   ISOMATCH_ASSIGN_OR_RETURN(Stored stored, ReadStored(bytes));
-  ISOMATCH_ASSIGN_OR_RETURN(MeshParts parts, SplitIntoParts(stored.mesh, stop));
-  const std::size_t large = parts.large.size();
+  ISOMATCH_ASSIGN_OR_RETURN(SplitMesh split,
+                            SplitIntoComponents(stored.mesh, stop));
+  const std::size_t large = split.large.size();
   if (stored.whole) {
     ISOMATCH_RETURN_IF_ERROR(
-        CompleteWhole(std::move(parts.clean), stop, &stored));
-  } else if (!MatchedByParts(large) || CrcOf(parts.clean.mesh) != stored.crc) {
+        CompleteWhole(std::move(split.clean), stop, &stored));
+  } else if (!MatchedByComponents(large) ||
+             CrcOf(split.clean.mesh) != stored.crc) {
     return DataLoss(
         "the mesh has other components here than where it was prepared");
   }
@@ -354,7 +357,7 @@ absl::StatusOr<PreparedShape> ParsePreparedShapeHere(absl::string_view bytes,
           .key = stored.key,
           .large_components = static_cast<std::int32_t>(large),
           .whole = std::move(stored.whole)});
-  if (!contents->whole) contents->parts = std::move(parts);
+  if (!contents->whole) contents->split = std::move(split);
   return PreparedShape(std::move(contents));
 }
 

@@ -27,7 +27,7 @@ void ProgressReporter::Begin(Stage stage) {
   ++current_;
   assert(plan_[current_].first == stage);
   static_cast<void>(stage);
-  part_fractions_.clear();
+  share_fractions_.clear();
   Report(0);
 }
 
@@ -36,14 +36,14 @@ void ProgressReporter::Finish() {
   if (current_ >= 0) Report(1);
 }
 
-std::function<void(double)> ProgressReporter::Part(int part, int parts) {
-  return [this, part, parts](double fraction) {
+std::function<void(double)> ProgressReporter::Share(int share, int shares) {
+  return [this, share, shares](double fraction) {
     const MutexLock lock(mutex_);
-    part_fractions_.resize(parts, 0);
-    part_fractions_[part] = std::max(part_fractions_[part], fraction);
+    share_fractions_.resize(shares, 0);
+    share_fractions_[share] = std::max(share_fractions_[share], fraction);
     const double mean =
-        std::accumulate(part_fractions_.begin(), part_fractions_.end(), 0.0) /
-        parts;
+        std::accumulate(share_fractions_.begin(), share_fractions_.end(), 0.0) /
+        shares;
     if (mean > stage_fraction_ && mean < 1) Report(mean);
   };
 }

@@ -22,9 +22,9 @@ class ProgressReporter {
   /// Reports the end of the last stage.
   void Finish();
 
-  /// Returns a callback for part `part` of `parts` equal ones that run at the
+  /// Returns a callback for one of `shares` equal shares that run at the
   /// same time within the current stage.
-  std::function<void(double)> Part(int part, int parts);
+  std::function<void(double)> Share(int share, int shares);
 
  private:
   void Report(double stage_fraction);
@@ -36,7 +36,7 @@ class ProgressReporter {
   int current_ = -1;            ///< into plan_
   double finished_weight_ = 0;  ///< of the stages before
   double stage_fraction_ = 0;   ///< reported last
-  std::vector<double> part_fractions_;
+  std::vector<double> share_fractions_;
 };
 
 }  // namespace isomatch

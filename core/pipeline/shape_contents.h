@@ -24,14 +24,14 @@ struct PreparationKey {
   static PreparationKey Of(const MatchOptions& options);
 };
 
-/// Either `whole` or `parts` is set once the shape is prepared.
+/// Either `whole` or `split` is set once the shape is prepared.
 struct PreparedShape::Contents {
   SharedMesh mesh;
   PreparationKey key = {};
   std::int32_t large_components = 1;
   std::optional<PreparedMesh> whole = std::nullopt;
-  /// Of a shape that is matched part by part.
-  std::optional<MeshParts> parts = std::nullopt;
+  /// Of a shape whose components are matched one by one.
+  std::optional<SplitMesh> split = std::nullopt;
 };
 
 /// ParsePreparedShape, compiled with this core.

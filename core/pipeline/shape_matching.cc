@@ -39,19 +39,19 @@ ShapeToPrepare NewShape(SharedMesh mesh, const MatchOptions& options,
           field};
 }
 
-/// Splits the mesh; the shape keeps its parts where they are matched one by
-/// one, and is to be prepared as a whole otherwise.
+/// Splits the mesh; the shape keeps its components where they are matched one
+/// by one, and is to be prepared as a whole otherwise.
 absl::Status Split(const ShapeToPrepare& shape, const MatchOptions& options,
                    const std::stop_token& stop,
                    std::optional<MeshToPrepare>* whole) {
   PreparedShape::Contents& contents = *shape.contents;
-  ISOMATCH_ASSIGN_OR_RETURN(MeshParts parts,
-                            SplitIntoParts(*contents.mesh, stop));
-  contents.large_components = static_cast<std::int32_t>(parts.large.size());
-  if (options.match_components && MatchedByParts(parts.large.size())) {
-    contents.parts = std::move(parts);
+  ISOMATCH_ASSIGN_OR_RETURN(SplitMesh found,
+                            SplitIntoComponents(*contents.mesh, stop));
+  contents.large_components = static_cast<std::int32_t>(found.large.size());
+  if (options.match_components && MatchedByComponents(found.large.size())) {
+    contents.split = std::move(found);
   } else {
-    *whole = {std::move(parts.clean), shape.field};
+    *whole = {std::move(found.clean), shape.field};
   }
   return absl::OkStatus();
 }
@@ -95,31 +95,32 @@ struct Request {
   const std::stop_token& stop;
 };
 
-/// Each part is prepared when its turn comes.
-absl::StatusOr<Correspondence> MatchInParts(const PreparedShape& x,
-                                            const PreparedShape& y,
-                                            const Request& request) {
+/// Each component is prepared when its turn comes.
+absl::StatusOr<Correspondence> MatchInComponents(const PreparedShape& x,
+                                                 const PreparedShape& y,
+                                                 const Request& request) {
   const MatchOptions& options = request.options;
   const std::stop_token& stop = request.stop;
   const std::array<const PreparedShape::Contents*, 2> shapes = {&x.contents(),
                                                                 &y.contents()};
-  std::array<MeshParts, 2> split;  // of one that was prepared as a whole
-  std::array<const MeshParts*, 2> parts;
+  std::array<SplitMesh, 2> own;  // of one that was prepared as a whole
+  std::array<const SplitMesh*, 2> splits;
   const auto find = [&](Side side) -> absl::Status {
     const PreparedShape::Contents& shape = *shapes[side];
-    parts[side] = shape.parts ? &*shape.parts : &split[side];
-    if (shape.parts) return absl::OkStatus();
-    ISOMATCH_ASSIGN_OR_RETURN(split[side], SplitIntoParts(*shape.mesh, stop));
+    splits[side] = shape.split ? &*shape.split : &own[side];
+    if (shape.split) return absl::OkStatus();
+    ISOMATCH_ASSIGN_OR_RETURN(own[side],
+                              SplitIntoComponents(*shape.mesh, stop));
     return absl::OkStatus();
   };
   ISOMATCH_RETURN_IF_ERROR(
       RunBoth([&] { return find(kX); }, [&] { return find(kY); }));
   const auto match_one =
-      [&](const TriangleMesh& part_x, const TriangleMesh& part_y,
+      [&](const TriangleMesh& component_x, const TriangleMesh& component_y,
           absl::Span<const Landmark> known,
           const ProgressCallback& report) -> absl::StatusOr<Correspondence> {
-    ISOMATCH_ASSIGN_OR_RETURN(CleanMesh clean_x, Clean(part_x, stop));
-    ISOMATCH_ASSIGN_OR_RETURN(CleanMesh clean_y, Clean(part_y, stop));
+    ISOMATCH_ASSIGN_OR_RETURN(CleanMesh clean_x, Clean(component_x, stop));
+    ISOMATCH_ASSIGN_OR_RETURN(CleanMesh clean_y, Clean(component_y, stop));
     ProgressReporter reporter(report, StagePlan(options));
     std::array<PreparedMesh, 2> prepared;
     ISOMATCH_RETURN_IF_ERROR(
@@ -129,8 +130,9 @@ absl::StatusOr<Correspondence> MatchInParts(const PreparedShape& x,
     return RunMatch(prepared[kX], &prepared[kX], prepared[kY], known, options,
                     &reporter, stop);
   };
-  return MatchByParts(*shapes[kX]->mesh, *parts[kX], *parts[kY],
-                      request.landmarks, match_one, request.progress, stop);
+  return MatchByComponents(*shapes[kX]->mesh, *splits[kX], *splits[kY],
+                           request.landmarks, match_one, request.progress,
+                           stop);
 }
 
 /// As one, whatever components they have.
@@ -139,12 +141,12 @@ absl::StatusOr<Correspondence> MatchWhole(PreparedShape& x, PreparedShape& y,
   const MatchOptions& options = request.options;
   const std::stop_token& stop = request.stop;
   ProgressReporter reporter(request.progress, StagePlan(options));
-  // Of a shape that was split, to meet one of more parts than are matched one
-  // by one.
+  // Of a shape that was split, to meet one of more components than are matched
+  // one by one.
   std::array<PreparedMesh, 2> anew;
   std::array<std::optional<MeshToPrepare>, 2> missing;
-  if (x.contents().parts) missing[kX] = {x.contents().parts->clean, "mesh_x"};
-  if (y.contents().parts) missing[kY] = {y.contents().parts->clean, "mesh_y"};
+  if (x.contents().split) missing[kX] = {x.contents().split->clean, "mesh_x"};
+  if (y.contents().split) missing[kY] = {y.contents().split->clean, "mesh_y"};
   ISOMATCH_RETURN_IF_ERROR(
       PrepareMeshes(std::move(missing), options, &reporter, stop, &anew));
   const auto prepared = [&](const PreparedShape& shape, Side side) {
@@ -162,7 +164,7 @@ absl::StatusOr<Correspondence> MatchWhole(PreparedShape& x, PreparedShape& y,
                   &reporter, stop);
 }
 
-/// The last word on a whole map, whatever parts it was found in.
+/// The last word on a whole map, whatever components it was found in.
 void Judge(Correspondence* found) {
   double sum = 0;
   std::int64_t matched = 0;
@@ -215,8 +217,8 @@ absl::StatusOr<Correspondence> MatchPreparedHere(
   const Request request = {landmarks, options, progress, stop};
   absl::StatusOr<Correspondence> result = absl::InternalError("not run");
   RunWithThreads(options.threads, [&] {
-    result = options.match_components && MatchedByParts(most)
-                 ? MatchInParts(x, y, request)
+    result = options.match_components && MatchedByComponents(most)
+                 ? MatchInComponents(x, y, request)
                  : MatchWhole(x, y, request);
   });
   if (result.ok()) Judge(&*result);

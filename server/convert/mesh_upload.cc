@@ -29,20 +29,20 @@ absl::Status MeshUpload::Take(const v1::UploadMeshRequest& request) {
 absl::Status MeshUpload::Begin(const v1::UploadMeshRequest& request) {
   if (stage_ != Stage::kNew) return UploadMalformed("a second header");
   ISOMATCH_RETURN_IF_ERROR(
-      ValidateDigest(request.header(), "header", parts_.limits));
+      ValidateDigest(request.header(), "header", environment_.limits));
   digest_ = request.header();
   key_.sha256 = digest_.sha256();
-  known_ = parts_.blobs->HasWhole(key_);  // or it would stay damaged
+  known_ = environment_.blobs->HasWhole(key_);  // or it would stay damaged
   stage_ = known_ ? Stage::kOver : Stage::kReceiving;
   return known_ ? absl::OkStatus() : ContinueAt(request.offset());
 }
 
 absl::Status MeshUpload::ContinueAt(std::uint64_t offset) {
-  PartialUpload kept = parts_.partials->Take(key_);
+  PartialUpload kept = environment_.partials->Take(key_);
   const std::uint64_t most =
       std::min<std::uint64_t>(kept.bytes.size(), digest_.size_bytes());
   if (offset > most) {
-    parts_.partials->Keep(key_, std::move(kept));
+    environment_.partials->Keep(key_, std::move(kept));
     return UploadOffsetBeyond(offset, most);
   }
   const auto begin = static_cast<std::int64_t>(offset);
@@ -52,9 +52,9 @@ absl::Status MeshUpload::ContinueAt(std::uint64_t offset) {
   // Only looked for, so that the client need not send what has no room now:
   // what it says it will send takes no room from others.
   const absl::Status room =
-      parts_.partials->CheckRoom(key_.tenant, size - begin);
+      environment_.partials->CheckRoom(key_.tenant, size - begin);
   if (!room.ok()) {
-    parts_.partials->Keep(key_, std::move(kept));
+    environment_.partials->Keep(key_, std::move(kept));
     return room;
   }
   received_ = std::move(kept);
@@ -68,7 +68,8 @@ absl::Status MeshUpload::Append(const std::string& chunk) {
     return UploadMalformed("a chunk before the header");
   }
   if (stage_ == Stage::kOver) return UploadMalformed("a chunk after the end");
-  const auto most = static_cast<std::size_t>(parts_.limits.max_chunk_bytes);
+  const auto most =
+      static_cast<std::size_t>(environment_.limits.max_chunk_bytes);
   if (chunk.size() > most) {
     return UploadMalformed(absl::StrCat("a chunk of ", chunk.size(),
                                         " bytes, expected at most ", most));
@@ -79,8 +80,8 @@ absl::Status MeshUpload::Append(const std::string& chunk) {
   }
   ISOMATCH_ASSIGN_OR_RETURN(
       MemoryBudget::Reservation room,
-      parts_.partials->Reserve(key_.tenant,
-                               static_cast<std::int64_t>(chunk.size())));
+      environment_.partials->Reserve(key_.tenant,
+                                     static_cast<std::int64_t>(chunk.size())));
   received_.reservation.Merge(std::move(room));
   sha256_.Update(chunk);
   received_.bytes += chunk;
@@ -105,8 +106,8 @@ absl::Status MeshUpload::Store() {
   const std::string found = sha256_.HexDigest();
   if (found != key_.sha256) return DigestMismatch(key_.sha256, found);
   const auto size = static_cast<std::int64_t>(digest_.size_bytes());
-  const std::int64_t most = parts_.limits.tenant.stored_bytes;
-  const absl::Status put = parts_.blobs->PutWithin(
+  const std::int64_t most = environment_.limits.tenant.stored_bytes;
+  const absl::Status put = environment_.blobs->PutWithin(
       most, key_, std::move(received_.bytes), Keep::kWhileRoom);
   if (put.ok()) return put;
   if (absl::IsFailedPrecondition(put)) {
@@ -119,7 +120,7 @@ absl::Status MeshUpload::Store() {
 void MeshUpload::BreakOff() {
   if (stage_ != Stage::kReceiving) return;
   stage_ = Stage::kOver;
-  parts_.partials->Keep(key_, std::move(received_));
+  environment_.partials->Keep(key_, std::move(received_));
 }
 
 }  // namespace isomatch

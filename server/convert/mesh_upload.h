@@ -26,14 +26,14 @@ namespace isomatch {
 class MeshUpload {
  public:
   /// What it works with; outlives it.
-  struct Parts {
+  struct Environment {
     BlobStore* blobs;
     PartialUploads* partials;
     const RequestLimits& limits;
   };
 
-  MeshUpload(const Parts& parts, const std::string& tenant)
-      : parts_(parts), key_{tenant, ""} {}
+  MeshUpload(const Environment& environment, const std::string& tenant)
+      : environment_(environment), key_{tenant, ""} {}
 
   /// Takes the next message. INVALID_ARGUMENT (UPLOAD_MALFORMED,
   /// MESH_TOO_LARGE, INVALID_FIELD), RESOURCE_EXHAUSTED (UPLOAD_QUOTA).
@@ -65,7 +65,7 @@ class MeshUpload {
   absl::Status Append(const std::string& chunk);
   absl::Status Store();
 
-  const Parts parts_;
+  const Environment environment_;
   BlobKey key_;
   Stage stage_ = Stage::kNew;
   bool known_ = false;

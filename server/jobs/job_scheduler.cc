@@ -36,13 +36,13 @@ JobScheduler::JobScheduler(
       lifecycle_(*lifecycle),
       disk_(*disk),
       run_(std::move(run)),
-      gate_(MakeGateParts()),
+      gate_(MakeGateEnvironment()),
       runs_(environment.uptime),
       queue_(environment.limits.max_passes,
              environment.limits.tenant.running_jobs),
       threads_(environment.limits.workers) {}
 
-StorageGate::Parts JobScheduler::MakeGateParts() {
+StorageGate::Environment JobScheduler::MakeGateEnvironment() {
   return {
       .timers = environment_.timers,
       .on_disk =

@@ -148,7 +148,7 @@ class JobScheduler {
   std::vector<std::string> LiveIds() const;
 
  private:
-  StorageGate::Parts MakeGateParts();
+  StorageGate::Environment MakeGateEnvironment();
   std::shared_ptr<LiveJob> NewLive(const JobRecord& record);
   void PutInQueue(const std::shared_ptr<LiveJob>& live);
   void PushLocked(const std::shared_ptr<LiveJob>& live)

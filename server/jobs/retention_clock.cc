@@ -22,8 +22,9 @@ std::string Away(absl::Duration by, const char* of_what) {
 
 }  // namespace
 
-RetentionClock::RetentionClock(Parts parts, std::optional<absl::Time> last_seen)
-    : parts_(std::move(parts)), saved_(last_seen) {
+RetentionClock::RetentionClock(Environment environment,
+                               std::optional<absl::Time> last_seen)
+    : environment_(std::move(environment)), saved_(last_seen) {
   MutexLock lock(mutex_);
   last_ = Read();
   believed_ = last_.wall;
@@ -65,8 +66,8 @@ absl::Time RetentionClock::Now() {
     save = !saved_ || absl::AbsDuration(believed - *saved_) >= kSaveAgain;
     if (save) saved_ = believed;
   }
-  if (!say.empty()) parts_.on_change(is_believed, say);
-  if (save) parts_.save(believed);
+  if (!say.empty()) environment_.on_change(is_believed, say);
+  if (save) environment_.save(believed);
   return std::min(now.wall, believed);
 }
 

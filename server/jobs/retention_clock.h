@@ -26,7 +26,7 @@ class RetentionClock {
   /// tries again each half an hour, a person on the next day.
   static constexpr absl::Duration kGrace = absl::Hours(24);
 
-  struct Parts {
+  struct Environment {
     std::function<absl::Time()> now;
     /// Since any moment; never set.
     std::function<absl::Duration()> steady;
@@ -38,7 +38,7 @@ class RetentionClock {
 
   /// `last_seen`: what was saved last, else the latest time of a job; not set
   /// when there is nothing.
-  RetentionClock(Parts parts, std::optional<absl::Time> last_seen);
+  RetentionClock(Environment environment, std::optional<absl::Time> last_seen);
 
   /// Looks at the clocks. Never later than the wall clock.
   absl::Time Now();
@@ -48,12 +48,12 @@ class RetentionClock {
     absl::Time wall;
     absl::Duration steady;
   };
-  Reading Read() const { return {parts_.now(), parts_.steady()}; }
+  Reading Read() const { return {environment_.now(), environment_.steady()}; }
 
   /// What there is to say, if anything.
   std::string Look(const Reading& now) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
-  const Parts parts_;
+  const Environment environment_;
   Mutex mutex_;
   Reading last_ ABSL_GUARDED_BY(mutex_);
   /// What was believed at `last_`.

@@ -7,7 +7,7 @@ namespace isomatch {
 
 bool StorageGate::Check() {
   if (!is_open_) return false;
-  const absl::Status probed = parts_.probe();
+  const absl::Status probed = environment_.probe();
   if (!probed.ok()) Close(probed);
   return is_open_;
 }
@@ -20,13 +20,13 @@ void StorageGate::Close(const absl::Status& why) {
     ProbeLater();  // before it is closed, if memory ends
     is_open_ = false;
   }
-  parts_.on_change(why);
+  environment_.on_change(why);
 }
 
 void StorageGate::ProbeLater() {
   const absl::Duration pause = pause_;
   pause_ = std::min(2 * pause_, kLongestPause);
-  timer_ = parts_.timers->PostAfter(pause, [this] { OnTimer(); });
+  timer_ = environment_.timers->PostAfter(pause, [this] { OnTimer(); });
 }
 
 void StorageGate::OnTimer() {
@@ -37,11 +37,11 @@ void StorageGate::OnTimer() {
     old = timer_;
     ProbeLater();  // first: the probe may be lost
   }
-  parts_.on_disk([this] { Probe(); });
+  environment_.on_disk([this] { Probe(); });
 }
 
 void StorageGate::Probe() {
-  if (is_open_ || !parts_.probe().ok()) return;
+  if (is_open_ || !environment_.probe().ok()) return;
   Executor::Timer dropped;  // after the lock
   {
     MutexLock lock(mutex_);
@@ -49,7 +49,7 @@ void StorageGate::Probe() {
     dropped = std::move(timer_);
     is_open_ = true;
   }
-  parts_.on_change(absl::OkStatus());
+  environment_.on_change(absl::OkStatus());
 }
 
 void StorageGate::Stop() {

@@ -22,7 +22,7 @@ class StorageGate {
   static constexpr absl::Duration kFirstProbe = absl::Seconds(1);
   static constexpr absl::Duration kLongestPause = absl::Seconds(30);
 
-  struct Parts {
+  struct Environment {
     Executor* timers;
     /// Runs what waits for the disk, here or elsewhere; not at all once Stop is
     /// called.
@@ -33,7 +33,8 @@ class StorageGate {
     std::function<void(const absl::Status&)> on_change;
   };
 
-  explicit StorageGate(Parts parts) : parts_(std::move(parts)) {}
+  explicit StorageGate(Environment environment)
+      : environment_(std::move(environment)) {}
 
   bool is_open() const { return is_open_; }
 
@@ -51,7 +52,7 @@ class StorageGate {
   /// Sets the next timer; it is there as long as the gate is closed.
   void ProbeLater() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
-  const Parts parts_;
+  const Environment environment_;
   std::atomic<bool> is_open_ = true;
   Mutex mutex_;
   bool is_stopped_ ABSL_GUARDED_BY(mutex_) = false;

@@ -77,7 +77,7 @@ void ReadMeshFile(const std::string& path) {
   const MeshTexture& found = **texture;
   ISOMATCH_CHECK(found.corners.rows() == loaded->mesh.num_faces());
   ISOMATCH_CHECK(found.corners.minCoeff() >= -1);
-  ISOMATCH_CHECK(found.corners.maxCoeff() < found.places.rows());
+  ISOMATCH_CHECK(found.corners.maxCoeff() < found.coordinates.rows());
   ISOMATCH_CHECK(std::ssize(found.material_of_face) == found.corners.rows());
   for (const int material : found.material_of_face) {
     ISOMATCH_CHECK(-1 <= material && material < std::ssize(found.materials));

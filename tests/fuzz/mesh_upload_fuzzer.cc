@@ -112,7 +112,7 @@ class FuzzedUploads {
   MeshUpload& Stream(int index) {
     auto& stream = streams_[static_cast<std::size_t>(index)];
     if (!stream) {
-      stream.emplace(MeshUpload::Parts{&blobs_, &partials_, limits_},
+      stream.emplace(MeshUpload::Environment{&blobs_, &partials_, limits_},
                      index == 0 ? "other" : kTenant);
       sent_[static_cast<std::size_t>(index)] = 0;
     }

@@ -29,7 +29,7 @@ TOLERATED_PARAMETERS = {
     "core/evaluation": {"MeasureMap"},
     "core/matching": {"RunSecondStage", "SwapWorst"},
     "core/mesh": {"EmbedInCoarse"},
-    "core/pipeline": {"Match", "MatchByParts", "MatchPrepared", "MatchPreparedHere",
+    "core/pipeline": {"Match", "MatchByComponents", "MatchPrepared", "MatchPreparedHere",
                       "MatchRun", "RunMatch"},
     "core/spectral": {"ZoomOut"},
     # The tenant, and what its request may hold, are to go with the ParseContext.

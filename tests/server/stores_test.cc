@@ -93,7 +93,7 @@ TEST_F(LastSeenTest, IsWhatWasSavedOrElseWhatJobsTell) {
     ASSERT_THAT(stores->jobs->Insert(record), IsOk());
   }
   EXPECT_EQ(LastSeen(), time);  // as after an upgrade
-  const RetentionClock::Parts clock = MakeClockParts(config_);
+  const RetentionClock::Environment clock = MakeClockEnvironment(config_);
   // The job is of a time when the clock was days ahead, and not believed.
   clock.save(time - absl::Hours(200));
   EXPECT_EQ(LastSeen(), time - absl::Hours(200));
@@ -103,7 +103,7 @@ TEST_F(LastSeenTest, NothingIsSavedWithoutAFolder) {
   ServerConfig config = config_;
   config.ephemeral = true;
   fs::create_directory(config.data_dir);
-  MakeClockParts(config).save(absl::UnixEpoch());
+  MakeClockEnvironment(config).save(absl::UnixEpoch());
   EXPECT_TRUE(fs::is_empty(config.data_dir));
 }
 

@@ -155,12 +155,12 @@ TEST_F(TransferCommandTest, PrecisePlacesInterpolate) {
   const absl::StatusOr<LoadedMesh> y = ReadMesh(y_, "Y");
   const MeshTexture texture = **y->texture;
   const auto place = [&](int i) {
-    return texture.places.row(texture.corners(0, i)).eval();
+    return texture.coordinates.row(texture.corners(0, i)).eval();
   };
   const absl::StatusOr<LoadedMesh> out = ReadMesh(out_, "OUT");
   const MeshTexture carried = **out->texture;
   EXPECT_TRUE(
-      carried.places.row(carried.corners(5, 1))
+      carried.coordinates.row(carried.corners(5, 1))
           .isApprox(0.5 * place(0) + 0.25 * place(1) + 0.25 * place(2), 1e-12));
 }
 

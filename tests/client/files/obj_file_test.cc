@@ -22,8 +22,8 @@ TEST(ObjFileTest, WhatWeWriteComesBack) {
   mesh.positions << 0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0;
   mesh.faces << 0, 1, 2, 0, 2, 3, 0, 1, 3;
   MeshTexture texture;
-  texture.places.resize(4, 2);
-  texture.places << 0, 0, 1, 0, 1, 1, 0.1, 1;
+  texture.coordinates.resize(4, 2);
+  texture.coordinates << 0, 0, 1, 0, 1, 1, 0.1, 1;
   texture.corners.resize(3, 3);
   texture.corners << 0, 1, 2, 0, 3, 2, -1, -1, -1;
   texture.materials = {"red", "light blue"};
@@ -38,7 +38,7 @@ TEST(ObjFileTest, WhatWeWriteComesBack) {
   EXPECT_EQ(loaded->mesh.faces, mesh.faces);
   ASSERT_TRUE(loaded->texture.ok() && loaded->texture->has_value());
   const MeshTexture& again = **loaded->texture;
-  EXPECT_EQ(again.places, texture.places);
+  EXPECT_EQ(again.coordinates, texture.coordinates);
   EXPECT_EQ(again.corners, texture.corners);
   EXPECT_EQ(again.materials, texture.materials);
   EXPECT_EQ(again.material_of_face, texture.material_of_face);
@@ -52,7 +52,7 @@ TEST(ObjFileTest, WhatWeWriteComesBack) {
 TEST(ObjFileTest, LibrariesAreNamedFromTheNewFolder) {
   MeshTexture texture;
   texture.libraries = {"/data/y/skin.mtl"};
-  texture.places.resize(0, 2);
+  texture.coordinates.resize(0, 2);
   EXPECT_THAT(FormatObj("/data/x/b.obj", {}, {&texture, nullptr}),
               HasSubstr("mtllib ../y/skin.mtl\n"));
   EXPECT_THAT(FormatObj("/data/y/b.obj", {}, {&texture, nullptr}),

@@ -91,7 +91,7 @@ TEST_F(ObjReaderTest, QuadrilateralsAreCutAsTheMeshIs) {
   ASSERT_THAT(texture, IsOk());
   ASSERT_TRUE(texture->has_value());
   EXPECT_EQ((*texture)->corners, mesh_.faces);
-  EXPECT_EQ((*texture)->places.row(2), Eigen::RowVector2d(1, 1));
+  EXPECT_EQ((*texture)->coordinates.row(2), Eigen::RowVector2d(1, 1));
   EXPECT_THAT((*texture)->material_of_face, ElementsAre(-1, -1));
 }
 
@@ -136,7 +136,7 @@ TEST_F(ObjReaderTest, TheSecondCoordinateMayBeLeftOut) {
   const auto texture =
       Texture(std::string(kPoints) + "vt 0.5\nf 1/1 2/1 3/1\n");
   ASSERT_THAT(texture, IsOk());
-  EXPECT_EQ((*texture)->places.row(0), Eigen::RowVector2d(0.5, 0));
+  EXPECT_EQ((*texture)->coordinates.row(0), Eigen::RowVector2d(0.5, 0));
 }
 
 TEST_F(ObjReaderTest, AWrongTextureIsNoWrongMesh) {

@@ -28,7 +28,7 @@ TEST(ColorColumnsTest, WhatWeWriteComesBack) {
 TEST(PositionColorsTest, AreThoseOfThePage) {
   const TriangleMesh body = MirrorSymmetricBody(2);
   const Colors colors = PositionColors(body.positions);
-  const std::vector<Rgb> bytes = PlaceColors(body.positions);
+  const std::vector<Rgb> bytes = PositionRgb(body.positions);
   for (VertexIndex v = 0; v < body.num_vertices(); ++v) {
     EXPECT_EQ(ColorBytes(colors.row(v)), bytes[static_cast<std::size_t>(v)]);
   }

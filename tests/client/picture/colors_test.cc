@@ -30,8 +30,8 @@ Positions BoxCorners() {
   return corners;
 }
 
-TEST(PlaceColorsTest, AllCornersDiffer) {
-  const std::vector<Rgb> colors = PlaceColors(BoxCorners());
+TEST(PositionRgbTest, AllCornersDiffer) {
+  const std::vector<Rgb> colors = PositionRgb(BoxCorners());
   for (int i = 0; i < 8; ++i) {
     EXPECT_GT(Difference(colors[i], kGray), 40) << i;
     for (int j = 0; j < i; ++j) {
@@ -41,25 +41,25 @@ TEST(PlaceColorsTest, AllCornersDiffer) {
 }
 
 // Left and right legs lie close to the plane between them.
-TEST(PlaceColorsTest, SidesNearTheMiddleDiffer) {
+TEST(PositionRgbTest, SidesNearTheMiddleDiffer) {
   Positions positions(12, 3);
   positions.topRows(8) = BoxCorners();
   positions.row(8) << 2, 0.2, 0.35;
   positions.row(9) << 2, 0.2, 0.65;
   positions.row(10) << 2, 0.7, 0.5;
   positions.row(11) << 2, 1.3, 0.5;
-  const std::vector<Rgb> colors = PlaceColors(positions);
+  const std::vector<Rgb> colors = PositionRgb(positions);
   EXPECT_GT(Difference(colors[8], colors[9]), 40);
   EXPECT_GT(Difference(colors[10], colors[11]), 40);
 }
 
 // A hundredth of the box changes no channel by more than 26 of 255
 // levels; dark ones change fastest.
-TEST(PlaceColorsTest, NeighborsLookAlike) {
+TEST(PositionRgbTest, NeighborsLookAlike) {
   constexpr double kRounding = 2;
   constexpr double kLevelsPerBox = 2600;
   const TriangleMesh mesh = FiveArms(5);
-  const std::vector<Rgb> colors = PlaceColors(mesh.positions);
+  const std::vector<Rgb> colors = PositionRgb(mesh.positions);
   const Eigen::Array3d box =
       mesh.positions.colwise().maxCoeff() - mesh.positions.colwise().minCoeff();
   for (VertexIndex f = 0; f < mesh.num_faces(); ++f) {
@@ -71,13 +71,13 @@ TEST(PlaceColorsTest, NeighborsLookAlike) {
   }
 }
 
-TEST(PlaceColorsTest, ScaleAndOriginDoNotMatter) {
+TEST(PositionRgbTest, ScaleAndOriginDoNotMatter) {
   const Positions positions = BumpySphere(3).positions;
   // Powers of two keep every bit.
   Positions moved = positions * 1024;
-  EXPECT_EQ(PlaceColors(positions), PlaceColors(moved));
+  EXPECT_EQ(PositionRgb(positions), PositionRgb(moved));
   moved.setConstant(3);
-  EXPECT_EQ(PlaceColors(moved).size(), moved.rows());  // no box at all
+  EXPECT_EQ(PositionRgb(moved).size(), moved.rows());  // no box at all
 }
 
 TEST(PaletteTest, EndsAndMiddleAreWhatTheyMean) {

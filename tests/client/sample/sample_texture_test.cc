@@ -35,12 +35,12 @@ TEST(SampleTextureTest, FacesLieInTheHalfOfTheirSide) {
     for (int i = 0; i < 3; ++i)
       side += sample->rest(sample->mesh.faces(f, i), 1);
     for (int i = 0; i < 3; ++i) {
-      const double u = texture.places(texture.corners(f, i), 0);
+      const double u = texture.coordinates(texture.corners(f, i), 0);
       ASSERT_EQ(u < 0.5, side >= 0);
     }
   }
-  EXPECT_GE(texture.places.minCoeff(), 0);
-  EXPECT_LE(texture.places.maxCoeff(), 1);
+  EXPECT_GE(texture.coordinates.minCoeff(), 0);
+  EXPECT_LE(texture.coordinates.maxCoeff(), 1);
 }
 
 TEST(SampleTextureTest, VerticesHaveTheColorOfThePicture) {
@@ -51,7 +51,7 @@ TEST(SampleTextureTest, VerticesHaveTheColorOfThePicture) {
   int same = 0;
   for (VertexIndex v = 0; v < sample->mesh.num_vertices(); ++v) {
     const Eigen::RowVector2d place =
-        SamplePlace(sample->rest.row(v), sample->rest(v, 1) >= 0);
+        SampleCoordinates(sample->rest.row(v), sample->rest(v, 1) >= 0);
     const auto column = static_cast<int>(place.x() * picture.width);
     const auto row = static_cast<int>((1 - place.y()) * picture.height);
     same += ColorBytes(colors.row(v)) == picture.At(column, row);

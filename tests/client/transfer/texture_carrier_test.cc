@@ -62,7 +62,7 @@ Places NearestPlaces(const TriangleMesh& x, const TriangleMesh& y) {
 }
 
 Eigen::RowVector2d Corner(const MeshTexture& texture, VertexIndex face, int i) {
-  return texture.places.row(texture.corners(face, i));
+  return texture.coordinates.row(texture.corners(face, i));
 }
 
 /// Extent of a face in the picture along u.
@@ -86,10 +86,11 @@ Eigen::RowVector2d SpherePlace(const Eigen::RowVector3d& p, bool is_front) {
 MeshTexture TwoCharts(const TriangleMesh& sphere) {
   const VertexIndex n = sphere.num_vertices();
   MeshTexture texture;
-  texture.places.resize(2 * n, 2);
+  texture.coordinates.resize(2 * n, 2);
   for (VertexIndex v = 0; v < n; ++v) {
-    texture.places.row(v) = SpherePlace(sphere.positions.row(v), true);
-    texture.places.row(n + v) = SpherePlace(sphere.positions.row(v), false);
+    texture.coordinates.row(v) = SpherePlace(sphere.positions.row(v), true);
+    texture.coordinates.row(n + v) =
+        SpherePlace(sphere.positions.row(v), false);
   }
   texture.corners = sphere.faces;
   for (VertexIndex f = 0; f < sphere.num_faces(); ++f) {
@@ -217,7 +218,7 @@ Tube MakeTube(int around, int rows, double turn, bool is_split) {
   const int columns = is_split ? around + 1 : around;
   tube.mesh.positions.resize(columns * (rows + 1), 3);
   tube.mesh.faces.resize(2 * around * rows, 3);
-  tube.texture.places.resize((around + 1) * (rows + 1), 2);
+  tube.texture.coordinates.resize((around + 1) * (rows + 1), 2);
   tube.texture.corners.resize(2 * around * rows, 3);
   tube.texture.material_of_face.assign(
       static_cast<std::size_t>(2 * around * rows), -1);
@@ -225,7 +226,7 @@ Tube MakeTube(int around, int rows, double turn, bool is_split) {
     for (int column = 0; column <= around; ++column) {
       const double u = double(column) / around;
       const double angle = 2 * std::numbers::pi * (column % around) / around;
-      tube.texture.places.row(row * (around + 1) + column) << u,
+      tube.texture.coordinates.row(row * (around + 1) + column) << u,
           double(row) / rows;
       if (column == columns) continue;
       tube.mesh.positions.row(row * columns + column) << std::cos(angle + turn),
@@ -293,7 +294,7 @@ TEST(TextureCarrierTest, DoubledVerticesAlongASeamAreOne) {
 TEST(TextureCarrierTest, MaterialsAreSeams) {
   const TriangleMesh plane = PlaneGrid(8, 8, 1, 1);
   MeshTexture texture;
-  texture.places = plane.positions.leftCols(2);
+  texture.coordinates = plane.positions.leftCols(2);
   texture.corners = plane.faces;
   texture.materials = {"left", "right"};
   texture.libraries = {"a.mtl"};
@@ -352,8 +353,8 @@ TEST(TextureCarrierTest, ThePosesOfTheSampleShareTheirPattern) {
     ASSERT_LT(Width(carried.texture, f), 0.1) << f;
     for (int i = 0; i < 3; ++i) {
       const Eigen::RowVector2d found = Corner(carried.texture, f, i);
-      sum += (found -
-              SamplePlace(x->rest.row(x->mesh.faces(f, i)), found.x() < 0.5))
+      sum += (found - SampleCoordinates(x->rest.row(x->mesh.faces(f, i)),
+                                        found.x() < 0.5))
                  .norm();
     }
   }

@@ -36,7 +36,7 @@ PairView SmallView() {
     view.y_from_x.push_back(3 * x);
   }
   view.y_from_x[5] = kNoVertex;
-  view.colors_y = PlaceColors(view.y.mesh.positions);
+  view.colors_y = PositionRgb(view.y.mesh.positions);
   ScalarLayer layer = {.id = "confidence", .palette = ConfidencePalette()};
   layer.on_x.assign(view.x.mesh.num_vertices(), 0.25F);
   layer.on_x[1] = 0.75F;

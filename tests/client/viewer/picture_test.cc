@@ -26,7 +26,7 @@ PairView IdentityView(const TriangleMesh& mesh) {
   view.y = {"y.off", mesh};
   view.y_from_x.resize(mesh.num_vertices());
   std::iota(view.y_from_x.begin(), view.y_from_x.end(), 0);
-  view.colors_y = PlaceColors(mesh.positions);
+  view.colors_y = PositionRgb(mesh.positions);
   return view;
 }
 

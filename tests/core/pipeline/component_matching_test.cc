@@ -33,50 +33,51 @@ TriangleMesh Scaled(TriangleMesh mesh, double scale) {
 }
 
 /// The component of Y that each component of X goes to.
-MeshParts Parts(const TriangleMesh& mesh) {
-  return SplitIntoParts(mesh, {}).value();
+SplitMesh SplitOf(const TriangleMesh& mesh) {
+  return SplitIntoComponents(mesh, {}).value();
 }
 
-std::map<int, int> YFromX(const MeshParts& parts,
-                          const std::vector<PartPair>& pairs) {
+std::map<int, int> YFromX(const SplitMesh& split,
+                          const std::vector<ComponentPair>& pairs) {
   std::map<int, int> y_from_x;
-  for (const PartPair& pair : pairs) {
-    y_from_x[parts.large[pair.x]] = parts.large[pair.y];
+  for (const ComponentPair& pair : pairs) {
+    y_from_x[split.large[pair.x]] = split.large[pair.y];
   }
   return y_from_x;
 }
 
 TEST(PartsTest, LargeOnesComeBySizeAndSmallOnesNotAtAll) {
-  const MeshParts parts = Parts(Row(
+  const SplitMesh split = SplitOf(Row(
       {UnitSphere(2), Scaled(FiveArms(2), 1.5), Scaled(Tetrahedron(), 0.1)}));
-  EXPECT_EQ(parts.large, (std::vector<int>{1, 0}));
-  EXPECT_GT(parts.areas[0], parts.areas[1]);
+  EXPECT_EQ(split.large, (std::vector<int>{1, 0}));
+  EXPECT_GT(split.areas[0], split.areas[1]);
 }
 
 TEST(PartsTest, ArePairedBySizeAndLength) {
   const TriangleMesh plane = PlaneGrid(10, 10, 4, 4);
   const TriangleMesh strip = PlaneGrid(40, 4, 16, 1);  // of equal area
-  const MeshParts x = Parts(Row({plane, strip, UnitSphere(2)}));
-  const MeshParts y = Parts(Row({UnitSphere(2), strip, plane}));
+  const SplitMesh x = SplitOf(Row({plane, strip, UnitSphere(2)}));
+  const SplitMesh y = SplitOf(Row({UnitSphere(2), strip, plane}));
   ASSERT_EQ(x.large.size(), 3u);
-  const auto pairs = PairParts(x, y, {}, {});
+  const auto pairs = PairComponents(x, y, {}, {});
   ASSERT_THAT(pairs, IsOk());
-  for (const PartPair& pair : *pairs) {
+  for (const ComponentPair& pair : *pairs) {
     EXPECT_EQ(x.large[pair.x] + y.large[pair.y], 2);  // the row is reversed
   }
 }
 
 TEST(PartsTest, EqualOnesArePairedByPlaceUnlessLandmarksSayOtherwise) {
-  const MeshParts parts =
-      Parts(Row({UnitSphere(2), UnitSphere(2), UnitSphere(2)}));
-  EXPECT_EQ(YFromX(parts, *PairParts(parts, parts, {}, {})),
+  const SplitMesh split =
+      SplitOf(Row({UnitSphere(2), UnitSphere(2), UnitSphere(2)}));
+  EXPECT_EQ(YFromX(split, *PairComponents(split, split, {}, {})),
             (std::map<int, int>{{0, 0}, {1, 1}, {2, 2}}));
   constexpr VertexIndex kEach = 162;
   const std::vector<Landmark> crossing = {{3, 2 * kEach + 3}};
-  EXPECT_EQ(YFromX(parts, *PairParts(parts, parts, crossing, {})).at(0), 2);
+  EXPECT_EQ(YFromX(split, *PairComponents(split, split, crossing, {})).at(0),
+            2);
 }
 
-TEST(MatchByPartsTest, OneWithoutACounterpartFollowsAndIsReported) {
+TEST(MatchByComponentsTest, OneWithoutACounterpartFollowsAndIsReported) {
   const TriangleMesh two = Row({FiveArms(3), Scaled(BumpySphere(3), 0.7)});
   const TriangleMesh one = FiveArms(3);
   const auto found = Match(two, one, {}, QuickOptions());
@@ -92,7 +93,7 @@ TEST(MatchByPartsTest, OneWithoutACounterpartFollowsAndIsReported) {
   EXPECT_EQ(found->confidence.size(), std::size_t(two.num_vertices()));
 }
 
-TEST(MatchByPartsTest, ProgressRisesOverAllParts) {
+TEST(MatchByComponentsTest, ProgressRisesOverAllParts) {
   const TriangleMesh two = Row({FiveArms(2), Scaled(BumpySphere(2), 0.8)});
   std::vector<double> totals;
   const auto found = Match(two, two, {}, {}, [&](const Progress& progress) {

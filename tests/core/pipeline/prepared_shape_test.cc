@@ -193,7 +193,7 @@ TEST_P(PreparedShapeTest, WhatWasSplitIsPreparedAsAWholeWhenThatIsMatched) {
   const PreparedShape split = Prepared(two);
   options_.match_components = false;
   const PreparedShape whole = Prepared(two);
-  ASSERT_TRUE(split.contents().parts);
+  ASSERT_TRUE(split.contents().split);
   ASSERT_TRUE(whole.contents().whole);
   const auto expected = MatchPrepared(whole, whole, {}, options_);
   ASSERT_THAT(expected, IsOk());

@@ -12,9 +12,9 @@ TEST(ProgressReporterTest, StagesBeginWithZeroEndWithOneAndTotalsRise) {
   ProgressReporter reporter([&](const Progress& p) { seen.push_back(p); },
                             {{Stage::kGeodesics, 1}, {Stage::kDense, 3}});
   reporter.Begin(Stage::kGeodesics);
-  reporter.Part(0, 2)(0.5);
-  reporter.Part(1, 2)(1);
-  reporter.Part(0, 2)(0.2);  // a late report changes nothing
+  reporter.Share(0, 2)(0.5);
+  reporter.Share(1, 2)(1);
+  reporter.Share(0, 2)(0.2);  // a late report changes nothing
   reporter.Begin(Stage::kDense);
   reporter.Finish();
   const std::vector<double> stage_fractions = {0, 0.25, 0.75, 1, 0, 1};
@@ -30,7 +30,7 @@ TEST(ProgressReporterTest, StagesBeginWithZeroEndWithOneAndTotalsRise) {
 TEST(ProgressReporterTest, NobodyNeedsToListen) {
   ProgressReporter reporter({}, {{Stage::kDense, 1}});
   reporter.Begin(Stage::kDense);
-  reporter.Part(0, 1)(0.5);
+  reporter.Share(0, 1)(0.5);
   reporter.Finish();
 }
 

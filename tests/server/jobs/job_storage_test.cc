@@ -44,10 +44,11 @@ class JobStorageTest : public JobManagerTest {
   /// A clock that last saw this.
   void SetClock(std::optional<absl::Time> last_seen) {
     clock_ = std::make_unique<RetentionClock>(
-        RetentionClock::Parts{.now = [this] { return now_; },
-                              .steady = [this] { return steady_; },
-                              .save = [](absl::Time) {},
-                              .on_change = [](bool, const std::string&) {}},
+        RetentionClock::Environment{
+            .now = [this] { return now_; },
+            .steady = [this] { return steady_; },
+            .save = [](absl::Time) {},
+            .on_change = [](bool, const std::string&) {}},
         last_seen);
   }
 
@@ -417,7 +418,7 @@ TEST_F(JobStorageTest, AQueueTimeoutGoesByTheTimeThatIsBelieved) {
 
 class StorageGateTest : public testing::Test {
  protected:
-  StorageGate::Parts MakeParts(Executor* timers) {
+  StorageGate::Environment MakeParts(Executor* timers) {
     return {.timers = timers,
             .on_disk = [](const std::function<void()>& work) { work(); },
             .probe =
@@ -476,7 +477,7 @@ TEST_F(StorageGateTest, WhereverMemoryEndsItIsTriedAgain) {
   EXPECT_TRUE(gate.is_open());
   timers.is_poor = false;
   EXPECT_FALSE(gate.Check());
-  StorageGate::Parts losing = MakeParts(&timers);
+  StorageGate::Environment losing = MakeParts(&timers);
   losing.on_disk = [this, lost = 0](auto&& work) mutable {
     if (++lost > 1) work();
   };
