@@ -50,8 +50,8 @@ void LogState(const JobRecord& job, absl::Time now) {
 
 void LogStuck(const JobRecord& job) {
   Log(LogLevel::kError,
-      absl::StrCat("job ", job.id, " was asked to stop and does not (",
-                   job.faults, " times by now): its worker is given up"),
+      absl::StrCat("job ", job.id, " was asked to stop and did not (fault ",
+                   job.faults, " of this job): its worker is given up"),
       {{"job", job.id},
        {"tenant", job.tenant},
        {"state", JobStateName(job.state)}});

@@ -21,7 +21,7 @@
 namespace isomatch {
 namespace {
 
-/// Of --health; container probes should wait a little longer.
+/// How long --health waits; container probes should wait a little longer.
 constexpr absl::Duration kProbeTimeout = absl::Seconds(2);
 
 /// What the shutdown may take beyond the drain timeout: a second, with the end
@@ -63,7 +63,7 @@ std::string DescribeConnections(const ConnectionLimits& limits) {
   std::string text = absl::StrCat("connections: at most ", limits.most);
   if (limits.of_one_address > 0) {
     absl::StrAppend(&text, ", ", limits.of_one_address,
-                    " of one address beyond this machine");
+                    " from one address other than this machine");
   }
   return text;
 }

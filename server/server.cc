@@ -55,7 +55,7 @@ constexpr std::int64_t kProcessBytes = std::int64_t{256} << 20;
 /// One more than a tenant may use.
 constexpr int kDiskThreads = 2;
 
-/// Of calls of a tenant that wait for the disk; they take little each.
+/// Any number of a tenant's calls may wait for the disk: each takes little.
 constexpr TenantTurns::Limits kAnyNumber = {
     .max_waiting_per_tenant = std::numeric_limits<int>::max()};
 

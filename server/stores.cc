@@ -110,7 +110,8 @@ absl::Status OpenJobsWithRoom(const std::string& folder, Stores& stores) {
   const absl::Status opened = OpenJobs(folder, stores);
   if (!absl::IsResourceExhausted(opened)) return opened;
   Log(LogLevel::kWarning,
-      absl::StrCat(opened.message(), "; gives up what is in ", prepared));
+      absl::StrCat(opened.message(), "; to make room, deletes what is in ",
+                   prepared));
   EmptyFolder(prepared);
   return OpenJobs(folder, stores);
 }

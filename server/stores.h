@@ -18,7 +18,7 @@ namespace isomatch {
 
 /// Where the server keeps jobs, meshes and results.
 struct Stores {
-  /// Of the data directory; not set without one.
+  /// Lock on the data directory; not set without one.
   std::optional<FolderLock> lock;
   std::unique_ptr<JobJournal> journal;
   std::unique_ptr<JobStore> jobs;

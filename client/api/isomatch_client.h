@@ -35,7 +35,7 @@ struct MatchResult {
   /// One entry for each vertex of X, as `y_from_x` has.
   std::optional<std::vector<PrecisePoint>> precise;
   std::optional<std::vector<float>> confidence;
-  /// Of info.alternatives(0).
+  /// The map of the first alternative; info.alternatives(0) describes it.
   std::optional<VertexMap> alternative;
   std::optional<FunctionalMap> functional_map;
 };

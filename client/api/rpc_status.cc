@@ -14,7 +14,7 @@
 namespace isomatch {
 namespace {
 
-/// Of the payload that holds a reason.
+/// Type URL of the payload of a status that holds the reason of an error.
 constexpr char kReasonUrl[] = "type.googleapis.com/google.rpc.ErrorInfo.reason";
 
 /// Field violations that the message does not tell already.

@@ -34,7 +34,7 @@ struct BatchProgress {
   int ended = 0;
   int failed = 0;
   int running = 0;
-  /// Of the whole batch, 0 to 1; pairs that are running count in part.
+  /// Progress of the whole batch, 0 to 1; running pairs count in part.
   double fraction = 0;
 };
 
@@ -82,13 +82,13 @@ class BatchRunner {
 
   std::mutex mutex_;
   std::size_t next_ = 0;
-  /// Of the running ones, those in Wait.
+  /// Running pairs that are in Wait.
   int waiting_ = 0;
   bool is_over_ = false;
   absl::Status summary_status_;
   BatchProgress progress_;
   std::vector<BatchRow> rows_;
-  /// Of each pair, 0 to 1.
+  /// Progress of each pair, 0 to 1.
   std::vector<double> fractions_;
 };
 

@@ -26,7 +26,7 @@ struct BatchRow {
   /// Why it failed.
   std::string message;
 
-  // Of pairs that are done.
+  // What follows is set only for pairs that are done.
 
   std::int64_t vertices_x = 0;
   std::int64_t vertices_y = 0;

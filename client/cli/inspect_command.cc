@@ -118,7 +118,7 @@ absl::Status RunInspect(const InspectArguments& arguments,
 Command AddInspectCommand(CLI::App& app) {
   CLI::App* command = app.add_subcommand(
       "inspect",
-      "Tells what is in mesh files and what a match will make of it.");
+      "Shows what is in mesh files and what a match will make of it.");
   const auto arguments = std::make_shared<InspectArguments>();
   command
       ->add_option("MESH", arguments->meshes,

@@ -239,7 +239,8 @@ Command AddListCommand(CLI::App& app) {
       ->add_option("--label", arguments->labels,
                    "Jobs that have it; may be repeated")
       ->type_name("KEY=VALUE");
-  command->add_option("--limit", arguments->limit, "At most so many")
+  command
+      ->add_option("--limit", arguments->limit, "List at most this many jobs")
       ->check(WholeNumber(1, 1'000'000))
       ->type_name("COUNT")
       ->capture_default_str();
@@ -268,7 +269,7 @@ Command AddDeleteCommand(CLI::App& app) {
 
 Command AddInfoCommand(CLI::App& app) {
   CLI::App* command =
-      app.add_subcommand("info", "Tells a server's version, limits and load.");
+      app.add_subcommand("info", "Shows a server's version, limits and load.");
   const auto arguments = std::make_shared<InfoArguments>();
   AddConnectionFlags(command, &arguments->connection, ServerUse::kNeeded);
   command->add_flag("--json", arguments->json, "Print JSON instead of text");

@@ -67,21 +67,21 @@ void AddJobFlags(CLI::App* command, JobOptions* options) {
       ->capture_default_str();
   command
       ->add_option("--solved-vertices", options->solved_vertices,
-                   "Decimate larger meshes to about as many and lift the map; "
-                   "0 never does, not given: as the profile has it")
+                   "Decimate larger meshes to about this many vertices and "
+                   "lift the map; 0 never does; by default as the profile says")
       ->check(WholeNumber(0, std::numeric_limits<std::int32_t>::max()))
       ->type_name("COUNT");
   command
       ->add_option("--memory-limit", options->memory_limit_bytes,
-                   "The job takes no more, e.g. 800MB or 2GB: it uses fewer "
+                   "Most memory of the job, e.g. 800MB or 2GB: it uses fewer "
                    "threads, then solves on fewer vertices, or is refused")
       ->transform(MemorySize())
       ->type_name("BYTES")
       ->default_str("none");
   command
       ->add_option("--threads", options->threads,
-                   "For each job; 0, or more than there are: all cores, or the "
-                   "server's share")
+                   "Threads of each job; 0, or more than there are: all cores, "
+                   "or the server's share")
       ->check(WholeNumber(0, kMostThreads))
       ->type_name("COUNT")
       ->capture_default_str();
@@ -95,15 +95,15 @@ void AddJobFlags(CLI::App* command, JobOptions* options) {
 void AddQueueFlags(CLI::App* command, QueueFlags* flags) {
   command
       ->add_option("--label", flags->labels,
-                   "To find the job by; may be repeated")
+                   "Label to find the job by; may be repeated")
       ->type_name("KEY=VALUE");
   command
       ->add_option("--queue-timeout", flags->queue_timeout,
-                   "Fail the job when it waited so long, e.g. 10m")
+                   "Fail the job when it has waited this long, e.g. 10m")
       ->type_name("DURATION");
   command
       ->add_option("--run-timeout", flags->run_timeout,
-                   "Fail the job when it ran so long, e.g. 90s")
+                   "Fail the job when it has run this long, e.g. 90s")
       ->type_name("DURATION");
   SetGroup(command, kServerGroup,
            {"--label", "--queue-timeout", "--run-timeout"});

@@ -148,7 +148,7 @@ void AddMatchOutputs(CLI::App* command, MatchOutputs* outputs) {
   command->add_option("--functional-map", outputs->functional_map,
                       "The map between eigenfunctions, .json");
   command->add_option("--report", outputs->report,
-                      "About the run: times, memory, quality, .json");
+                      "Report on times, memory and quality, .json");
   for (const char* name : {"--output", "--precise", "--confidence",
                            "--alternative", "--functional-map", "--report"}) {
     command->get_option(name)->type_name(kFile)->group(kFilesGroup);

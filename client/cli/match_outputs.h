@@ -46,14 +46,14 @@ bool NeedColors(const MatchOutputs& outputs);
 
 /// What is known of the files of the meshes; both outlive it.
 struct MeshFacts {
-  /// Asked for by maps in colors only.
+  /// Set only when a map is to be in colors.
   const TriangleMesh* mesh_x = nullptr;
-  /// By these and --precise.
+  /// Set only when a map is to be in colors or with --precise.
   const TriangleMesh* mesh_y = nullptr;
-  /// Of the vertices of Y, for maps in colors; without them their places
-  /// decide.
+  /// Colors of Y's vertices, for maps in colors; without them each vertex has
+  /// a color that tells its place.
   std::optional<Colors> colors_y = {};
-  /// Of reading the meshes, for the report.
+  /// Warnings from reading the files of the meshes, for the report.
   std::vector<std::string> warnings = {};
 };
 

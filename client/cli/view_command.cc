@@ -314,11 +314,11 @@ absl::Status RunView(const ViewArguments& arguments, const Terminal& terminal) {
 
 void AddAppearance(CLI::App& command, ViewArguments& arguments) {
   SetChoices(command.add_option("--layer", arguments.layer,
-                                "What colors mean, in a page at first"),
+                                "What the colors show, in a page at first"),
              "LAYER", {kColors, "confidence", "error", "distortion"})
       ->capture_default_str();
   SetChoices(command.add_option("--pattern", arguments.pattern,
-                                "Drawn on Y by place and carried to X"),
+                                "What is drawn on Y and carried to X"),
              "PATTERN", {"plain", "stripes", "checker"})
       ->capture_default_str();
   command.add_flag("--file-colors", arguments.file_colors,
@@ -329,7 +329,8 @@ void AddAppearance(CLI::App& command, ViewArguments& arguments) {
                                 "default y, or z for shapes that are flattest "
                                 "along y"),
              "AXIS", {"x", "y", "z"});
-  command.add_option("--size", arguments.size, "Of the picture, in pixels")
+  command
+      .add_option("--size", arguments.size, "Size of the picture, in pixels")
       ->type_name("WIDTHxHEIGHT")
       ->capture_default_str();
   command

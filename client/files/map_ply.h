@@ -15,9 +15,9 @@ struct MapPicture {
   const TriangleMesh& mesh_x;
   const TriangleMesh& mesh_y;
   const VertexMap& y_from_x;
-  /// Of Y's vertices.
+  /// Color of each vertex of Y.
   const Colors& colors_y;
-  /// Of X's vertices, 0 to 1; empty for none.
+  /// Confidence of each vertex of X, 0 to 1; empty when it is not known.
   absl::Span<const float> confidence;
 };
 

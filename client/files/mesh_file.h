@@ -39,10 +39,10 @@ struct LoadedMesh {
   Faces file_faces;
   /// E.g. "PLY, binary little endian".
   std::string format;
-  /// Of the vertices. INVALID_ARGUMENT, naming file and line: some vertices
-  /// have one and others not, or one is not a number of 0 or more.
+  /// Colors of the vertices. INVALID_ARGUMENT, naming file and line: some
+  /// vertices have one and others not, or one is not a number of 0 or more.
   absl::StatusOr<std::optional<Colors>> colors = std::optional<Colors>();
-  /// Of `file_faces`, from an OBJ file with a `vt` that a face names.
+  /// Texture of `file_faces`, from an OBJ file with a `vt` that a face names.
   /// INVALID_ARGUMENT, naming file and line: a `vt` that is not two numbers, or
   /// a face that names one that is not there.
   absl::StatusOr<std::optional<MeshTexture>> texture =

@@ -26,7 +26,8 @@ constexpr double kMostOfDiagonal = 0.1;
 // Components that nobody would call a body with parts.
 constexpr std::int64_t kManyComponents = 20;
 constexpr double kMostAreClose = 0.5;
-// Of the mean edge: gaps that rounding leaves, not distances of a shape.
+// As a fraction of the mean edge length: gaps up to this are left by rounding,
+// larger ones belong to the shape.
 constexpr double kCloseInEdges = 0.05;
 // A twentieth of an edge around a vertex there are few others, but in files
 // made to have them.
@@ -318,7 +319,7 @@ std::optional<WeldAdvice> AdviseWeld(const TriangleMesh& mesh) {
     });
     if (is_new && grid.SizeAt(v) < kMostInCell) grid.Add(v);
   }
-  // Of each component the least distance to another, of each vertex too.
+  // Finds the vertices and components that are close to another component.
   absl::flat_hash_map<VertexIndex, bool> is_close;
   std::vector<double> distances;
   for (VertexIndex v = 0; v < vertices; ++v) {

@@ -42,7 +42,7 @@ absl::StatusOr<VertexIndex> WeldVertices(const WeldTolerance& tolerance,
 /// does whose corners were rounded.
 struct WeldAdvice {
   std::int64_t components = 0;
-  /// Of these, those with a vertex within `distance` of another component.
+  /// Components that have a vertex within `distance` of another component.
   std::int64_t close = 0;
   /// What nearly all vertices that are close to another component have to it.
   double distance = 0;

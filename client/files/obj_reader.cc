@@ -39,7 +39,7 @@ constexpr auto kIgnored = std::to_array<absl::string_view>(
      "mg",        "usemap",   "maplib",   "l",   "p",
      "bevel",     "c_interp", "d_interp", "lod", "shadow_obj",
      "trace_obj", "illum",    "cstype",   "deg", "ctech"});
-// Of free-form curves and surfaces, which have no triangles.
+// Statements about free-form curves and surfaces, which have no triangles.
 constexpr auto kFreeForm = std::to_array<absl::string_view>(
     {"curv", "curv2", "surf", "parm", "trim", "hole", "scrv", "sp", "end",
      "con", "bmat", "step", "stech"});
@@ -251,7 +251,7 @@ class ObjReader {
   TextColors colors_;
   // Where the statement begins.
   int line_ = 0;
-  // Of each polygon.
+  // The line at which each polygon begins.
   std::vector<int> lines_;
   int material_ = -1;
   std::map<std::string, int> number_of_material_;

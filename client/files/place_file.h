@@ -21,8 +21,8 @@ struct PlacesOnY {
   /// The same on the faces of Y, when they are precise; else empty.
   std::vector<SurfacePoint> on_faces = {};
 
-  /// Of each of `points` the heaviest vertex, of equals the first; kNoVertex
-  /// for no place.
+  /// Returns for each of `points` its vertex of largest weight, the first of
+  /// equal ones; kNoVertex for no place.
   VertexMap HeaviestVertices() const;
 };
 

@@ -31,7 +31,8 @@ struct PlyType {
   Kind kind = Kind::kSigned;
 };
 
-// Of one element: a number, or a list of numbers that begins with their count.
+// What each item of an element has under one name: a number, or a list of
+// numbers that begins with their count.
 struct PlyProperty {
   std::string name;
   PlyType type;
@@ -91,7 +92,7 @@ absl::StatusOr<PlyFormat> ParseFormat(absl::string_view word) {
                    "binary_big_endian"));
 }
 
-// Of "property TYPE NAME" or "property list TYPE TYPE NAME".
+// Parses "property TYPE NAME" or "property list TYPE TYPE NAME".
 absl::StatusOr<PlyProperty> ParseProperty(const Words& words) {
   PlyProperty property;
   const bool is_list = words.size() >= 4 && words[1] == "list";
@@ -284,7 +285,8 @@ class PlyReader {
 
   std::optional<MeshFault> Read() {
     for (const PlyElement& element : header_.elements) {
-      // Of nothing there can be any number, and it would be counted to.
+      // Items without properties take no bytes: a small file may announce any
+      // number of them, and reading would count up to it.
       if (element.properties.empty() && element.count > 0) {
         return MeshFault{"", absl::StrCat("the header's element ", element.name,
                                           " has no properties")};

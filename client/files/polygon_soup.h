@@ -9,7 +9,7 @@
 
 namespace isomatch {
 
-/// Of the coordinates, for what a fault says.
+/// Names of the coordinates, for the texts of faults.
 inline constexpr std::array<const char*, 3> kAxisNames = {"x", "y", "z"};
 
 /// What is wrong first in a mesh file.

@@ -29,7 +29,8 @@ class WordCursor {
   /// word is taken.
   absl::Span<const absl::string_view> TakeRestOfLine();
 
-  /// Of the last word taken, counted from 1, and in words, "line 3".
+  /// The line of the last word taken: its number, counted from 1, and in
+  /// words, "line 3".
   int line() const { return lines_.number; }
   std::string Where() const;
 

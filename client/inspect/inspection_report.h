@@ -15,7 +15,7 @@ struct InspectionReport {
   std::string format;
   MeshInspection mesh;
   MatchCost cost;
-  /// Of reading the file.
+  /// Warnings from reading the file.
   std::vector<std::string> reading;
 };
 

@@ -22,7 +22,8 @@
 namespace isomatch {
 namespace {
 
-// Of the mean edge: a rounding of coordinates that is felt.
+// As a fraction of the mean edge length: coordinates rounded more coarsely than
+// this disturb a match.
 constexpr double kCoarseRounding = 0.01;
 // Area over squared diagonal of the bounding box: a sphere has 1, a rod a
 // hundred times longer than thick 0.03.

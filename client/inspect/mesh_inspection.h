@@ -32,7 +32,7 @@ const char* FaceTurnName(FaceTurn turn);
 
 /// What a mesh file holds, and what becomes of it.
 struct MeshInspection {
-  // Of the file.
+  // The mesh as the file has it.
 
   VertexIndex vertices = 0;
   /// After polygons were cut into triangles.
@@ -50,7 +50,7 @@ struct MeshInspection {
   /// Faces that cleaning turns round.
   VertexIndex turned_faces = 0;
 
-  // Of the surface as it is matched, after cleaning.
+  // The surface as it is matched, after cleaning.
 
   /// By falling area.
   std::vector<ComponentTopology> components;

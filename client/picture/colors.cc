@@ -66,7 +66,8 @@ double Steepened(double t) {
   return std::tanh(kSteepness * t) / std::tanh(kSteepness);
 }
 
-/// Of a place in the box, each coordinate from -1 to 1, longest side first.
+/// Returns the color of a place in the bounding box, whose coordinates run from
+/// -1 to 1 along its longest, middle and shortest side.
 Rgb PositionColor(double longest, double middle, double shortest) {
   constexpr double kDegree = std::numbers::pi / 180;
   const double side = Steepened(shortest);

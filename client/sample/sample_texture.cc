@@ -19,7 +19,7 @@ const Eigen::AlignedBox3d& Box() {
   return box;
 }
 
-// Of a place in the picture.
+// Returns the color of the picture at a place, each coordinate 0 to 1.
 Eigen::RowVector3d PatternColor(SamplePattern pattern,
                                 const Eigen::RowVector2d& place) {
   const bool is_left = place.x() < 0.5;

@@ -261,7 +261,8 @@ class FaceCarrier {
 
   enum class Seams { kStop, kCross };
 
-  // A way that avoids a seam by going around a limb is none.
+  // Returns how many edges a way that avoids seams may have: not many more than
+  // the way across them, so that none goes around a limb.
   int MostDepth(VertexIndex root) {
     const int direct = Visit(root, Seams::kCross, kAnyDepth).depth;
     return static_cast<int>(kDetour * direct) + kDetourEdges;

@@ -13,7 +13,8 @@ namespace isomatch {
 /// Texture coordinates carried from Y to X.
 struct CarriedTexture {
   MeshTexture texture;
-  /// Faces of X without any: a corner lies nowhere, or where Y has none.
+  /// Faces of X that get no coordinates: a corner has no place on Y, or Y has
+  /// no coordinates at any corner.
   int faces_without = 0;
   /// Faces of X that lie across a seam of Y.
   int faces_on_seams = 0;
@@ -24,21 +25,22 @@ struct CarriedTexture {
 ///
 /// A seam of Y is an edge whose two faces have different texture coordinates
 /// there, or different materials. All three corners of a face of X take theirs
-/// from faces of Y that hang together without crossing a seam, so that no face
-/// spans the picture from one side to the other:
+/// from one sheet: faces of Y that are connected without crossing a seam. So no
+/// face spans the picture from one side to the other.
 ///
-/// 1. From each face of Y on which a corner lies, faces are visited over edges
-///    that are no seams, as far as the face of X reaches, but on no way much
-///    longer than that over seams: around a limb is none.
-/// 2. Of these sheets the one with most corners of the face wins; then the one
-///    that comes nearest to the others, then the one that was reached over
-///    fewest edges, then the first.
-/// 3. A corner that lies elsewhere takes the coordinates of the nearest point
-///    of the sheet, at its rim: so all coordinates are some that Y has.
+/// 1. From each face of Y on which a corner lies, a sheet grows over edges that
+///    are not seams, as far as the face of X reaches. It follows no way much
+///    longer than the way across seams, since that would lead around a limb.
+/// 2. The sheet with the most corners of the face wins. Among equal ones it is
+///    the one nearest to the other corners, then the one whose corners were
+///    reached over the fewest edges, then the first.
+/// 3. A corner that is not on the sheet takes the coordinates of the nearest
+///    point of the sheet, at its rim. So X gets only coordinates that Y has.
 ///
-/// `places` has one entry for each vertex of X, on a face of Y, as vertices[i]
-/// of Y. Vertices of Y that a texture seam doubles count as one. CANCELLED
-/// after `stop`. Time O(faces of X times faces of Y within reach of each).
+/// `places` has one entry for each vertex of X: the vertices of a face of Y,
+/// and their weights. Vertices of Y that a texture seam doubles count as one.
+/// CANCELLED after `stop`. Time O(faces of X times faces of Y within reach of
+/// each).
 absl::StatusOr<CarriedTexture> CarryTexture(
     const TriangleMesh& mesh_x, const TriangleMesh& mesh_y,
     const MeshTexture& texture_y, absl::Span<const PrecisePoint> places,

@@ -16,8 +16,8 @@ bool IsNowhere(const PrecisePoint& place) {
   return place.vertices[0] == kNoVertex;
 }
 
-// The mean of `values` at the place's vertices, by weight. A weight of 1 gives
-// the value itself.
+// Returns the mean, by weight, of value_of(v) over the place's vertices. A
+// weight of 1 gives the value itself. REQUIRES: `sum` is zero.
 template <typename Value, typename ValueOf>
 Value Mean(const PrecisePoint& place, Value sum, const ValueOf& value_of) {
   for (std::size_t i = 0; i < 3; ++i) {
@@ -27,7 +27,8 @@ Value Mean(const PrecisePoint& place, Value sum, const ValueOf& value_of) {
   return sum;
 }
 
-// Of these vertices the one nearest to their middle.
+// Returns the one of `vertices` that is nearest to their mean position, the
+// first of equal ones.
 VertexIndex Middle(const Positions& positions,
                    absl::Span<const VertexIndex> vertices) {
   Eigen::RowVector3d middle = Eigen::RowVector3d::Zero();
@@ -41,8 +42,8 @@ VertexIndex Middle(const Positions& positions,
                            });
 }
 
-// The vertex of X nearest to the source of `field`, distances of clean vertices
-// of Y.
+// Returns the vertex of X that lies nearest to a landmark of Y. `field` has the
+// distance of each vertex of the cleaned Y from that landmark.
 CarriedLandmark Nearest(absl::Span<const float> field, const CleanMesh& clean_y,
                         const Positions& positions_x,
                         absl::Span<const PrecisePoint> places) {
@@ -59,7 +60,8 @@ CarriedLandmark Nearest(absl::Span<const float> field, const CleanMesh& clean_y,
     least = distance;
     nearest.push_back(static_cast<VertexIndex>(x));
   }
-  // Half of it: sums by weight are rounded.
+  // A mean of unreachable distances may be rounded to less than kUnreachable,
+  // but not to less than half of it.
   if (nearest.empty() || least >= kUnreachable / 2) return {};
   return {Middle(positions_x, nearest), least};
 }

@@ -14,7 +14,7 @@ namespace {
 
 constexpr double kLeastWeight = 0.01;
 constexpr double kLargestWeight = 10;
-/// Of TurnTowardBest; a rotation that is nearly right is right after two or
+/// Most steps of TurnTowardBest; a rotation that is nearly right needs two or
 /// three.
 constexpr int kMaxTurns = 6;
 constexpr double kSmallTurn = 1e-3;

@@ -12,7 +12,7 @@
 namespace isomatch {
 namespace {
 
-/// Of DeformableSurface, between two searches.
+/// Calls of DeformableSurface::Step between two searches for matches.
 constexpr int kStepsPerRound = 3;
 /// Points are pulled beyond where they belong by this part of their way, so
 /// that the surface slides into place in half the rounds.
@@ -59,7 +59,7 @@ void ElasticAlignment::Fix(absl::Span<const VertexMatch> landmarks) {
 }
 
 void ElasticAlignment::DescribeY() {
-  // Of X's features, so that the weight is in it.
+  // Fitted to X's features, not its functions: they hold the spectral weight.
   const Eigen::MatrixXf fmap_x_from_y =
       DenseFunctionalMap(features_x_.topRows(basis_), x_.laplacian.mass,
                          y_.functions.topRows(basis_), y_from_x_);

@@ -32,7 +32,8 @@ struct AlignmentOptions {
   /// Eigenfunctions whose values are compared, cut to the bases at hand.
   int basis = 128;
   double spectral_weight = 0.03;
-  /// Of unit normals. 0 when normals mean nothing, on unoriented surfaces.
+  /// Weight of the difference of unit normals. 0 on unoriented surfaces, whose
+  /// normals mean nothing.
   double normal_weight = 0.3;
 };
 

@@ -13,13 +13,16 @@ namespace isomatch {
 namespace {
 
 constexpr Eigen::Index kQueryBlock = 64;
-/// Points that follow each other and are passed over together.
+/// Points in a group: points that follow each other, which a search passes over
+/// together when none can be nearest.
 constexpr Eigen::Index kGroup = 8;
-/// Of which so many are looked at, however many there are.
+/// Groups searched at a time, so that the table of their distances stays small
+/// however many there are.
 constexpr Eigen::Index kGroupsAtATime = 4096;
-/// Most columns of a product, which so stays in the second-level cache.
+/// Most columns of a product, so that it stays in the second-level cache.
 constexpr Eigen::Index kPointBlock = 512;
-/// Of squared lengths: what single-precision products may be wrong by.
+/// As a fraction of squared lengths: the most that products in single precision
+/// are wrong by.
 constexpr float kRounding = 1e-5f;
 
 /// Points in groups of kGroup, each within a ball.

@@ -29,7 +29,7 @@ absl::StatusOr<ShapeDescriptors> DescribeShape(const DescribedSurface& surface,
 struct NearbyMatchOptions {
   /// How far from its image a better one is looked for, mesh units of Y.
   double reach = 0.2;
-  /// Of so many described vertices of X one is looked for.
+  /// Only one in this many described vertices of X is looked for.
   std::int64_t every = 1;
   /// What that distance weighs beside squared differences of descriptors, all
   /// of it counting as 1.

@@ -31,10 +31,10 @@ struct GeodesicError {
   double max_over_diameter = 0;
   /// Fraction of the matched vertices within each of kErrorThresholds.
   std::array<double, kErrorThresholds.size()> within = {};
-  /// Of each vertex of X, as a fraction of the diameter; -1 where there is no
-  /// truth or no match.
+  /// Error at each vertex of X, as a fraction of the diameter; -1 where there
+  /// is no truth or no match.
   std::vector<float> of_vertex;
-  /// Of Y, mesh units.
+  /// Geodesic diameter and square root of the area of Y, mesh units.
   double diameter = 0;
   double sqrt_area = 0;
 };

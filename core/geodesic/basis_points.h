@@ -31,8 +31,8 @@ class BasisPoints {
       const DistanceFieldSolver& solver, std::vector<VertexIndex> points,
       const std::function<void(double)>& progress, const std::stop_token& stop);
 
-  /// Of fields that were computed before. REQUIRES: fields.size() ==
-  /// num_vertices points.size(), row by vertex.
+  /// Makes them from fields that were computed before. REQUIRES:
+  /// fields.size() == num_vertices * points.size(), one row for each vertex.
   static BasisPoints FromFields(std::vector<VertexIndex> points,
                                 VertexIndex num_vertices,
                                 std::vector<float> fields);

@@ -14,10 +14,10 @@ namespace {
 /// Buckets in the ring. A longer edge than the ring waits in its last bucket
 /// and is sorted in again from there.
 constexpr std::int64_t kBuckets = 256;
-/// Of the mean edge length: narrow enough that few vertices are corrected,
-/// wide enough that few buckets are empty.
+/// As a fraction of the mean edge length: narrow enough that few vertices are
+/// corrected, wide enough that few buckets are empty.
 constexpr double kBucketWidth = 0.5;
-/// Of the mean edge length: a correction smaller than this is rounding.
+/// As a fraction of the mean edge length: a smaller correction is rounding.
 constexpr double kTolerance = 1e-6;
 
 /// Entries a vertex, over all vertices, after which only ways along edges

@@ -18,17 +18,17 @@ namespace isomatch {
 ///
 /// The update is that of DistanceFieldSolver, in single precision, so on
 /// well-shaped faces the fields are the same but for rounding (1e-5 of the
-/// largest distance). On slivers these are the shorter: the solver tries an
-/// edge only when one of its ends has just changed, and can miss a way that
-/// opens later (.07 % of the length in a sheared plane; here exact). The
+/// largest distance). On slivers the distances here are shorter: the solver
+/// tries an edge only when one of its ends has just changed, and can miss a way
+/// that opens later (.07 % of the length in a sheared plane; here exact). The
 /// same bytes at any thread count. Thread-safe: each thread brings its own
 /// Workspace.
 class FieldSweeps {
  public:
   static constexpr int kLanes = 8;
-  /// Beyond, the tables outgrow the caches and the fronts of a group disagree
-  /// about the order: one source at a time is as fast at 10,000 vertices and
-  /// takes half the time at 100,000.
+  /// With more vertices the tables outgrow the caches, and the fronts of a
+  /// group disagree about the order: one source at a time is as fast at 10,000
+  /// vertices and takes half the time at 100,000.
   static constexpr VertexIndex kMostVertices = 8192;
 
   /// Time and memory O(n), 250 bytes a vertex; keeps nothing of `stencils`.
@@ -48,8 +48,8 @@ class FieldSweeps {
     return static_cast<VertexIndex>(first_.size()) - 1;
   }
 
-  /// Positions in `sources`, each in one group of 1 to kLanes that lie near
-  /// each other and in one component. Time O(n) a group.
+  /// Returns the positions in `sources`, each once, in groups of 1 to kLanes
+  /// whose sources lie near each other and in one component. Time O(n) a group.
   std::vector<std::vector<int>> Groups(
       absl::Span<const VertexIndex> sources) const;
 
@@ -78,8 +78,10 @@ class FieldSweeps {
   float scale_ = 1;                        ///< mean edge, mesh units
   std::vector<std::int64_t> first_;        ///< n + 1, of each vertex's run
   std::vector<Triangle> triangles_;        ///< by the vertex they lead to
-  std::vector<std::int64_t> first_after_;  ///< n + 1
-  std::vector<VertexIndex> after_;         ///< whom each vertex is an a or b of
+  std::vector<std::int64_t> first_after_;  ///< n + 1, as first_, of after_
+  /// For each vertex, those to which a triangle leads whose a or b it is: their
+  /// distances may change when its own does.
+  std::vector<VertexIndex> after_;
 };
 
 }  // namespace isomatch

@@ -26,15 +26,15 @@ struct DracoLimits {
   std::int64_t max_faces = 10'000'000;
   /// Sum over all attributes of points x stride.
   std::int64_t max_attribute_bytes = 512LL << 20;
-  /// Told how many bytes more than before decoding may take, its result
-  /// included, once the headers tell and before they are allocated; an error
-  /// ends it. Not called where empty.
+  /// Called, unless empty, before the decoder allocates memory. `more_bytes` is
+  /// what decoding may take, its result included, beyond what earlier calls
+  /// said. An error ends decoding.
   std::function<absl::Status(std::int64_t more_bytes)> reserve;
 };
 
 /// Returns the mesh that `bytes` hold, its vertices numbered as `order` says.
-/// Faces keep their orientation and are sorted, each from its smallest vertex
-/// on: whichever encoder wrote it, a mesh is the same, and so is its map.
+/// Faces keep their orientation. Each begins with its smallest vertex, and they
+/// are sorted, so that a mesh and its map do not depend on the encoder.
 ///
 /// Safe on hostile bytes: counts in the headers are compared with the limits
 /// and with the bytes that are there before anything is allocated for them.
@@ -44,7 +44,8 @@ struct DracoLimits {
 ///
 /// INVALID_ARGUMENT: not a Draco triangle mesh, over a limit, a face index out
 /// of range, no positions, no or bad ids, another vertex count.
-/// RESOURCE_EXHAUSTED: there is no memory for it. What limits.reserve returned.
+/// RESOURCE_EXHAUSTED: there is no memory for it. An error of limits.reserve is
+/// returned as it is.
 absl::StatusOr<TriangleMesh> DecodeDraco(absl::string_view bytes,
                                          VertexOrder order,
                                          std::int64_t vertex_count,
@@ -67,17 +68,18 @@ struct DracoOptions {
   int position_bits = 0;
 };
 
-/// The point from which EncodeDraco counts coordinates: the origin, or of a
-/// mesh that lies far from it, for its extent, a multiple of the power of two
-/// from 8 to 16 times that near the mesh. REQUIRES: a face.
+/// Returns the point from which EncodeDraco counts coordinates. It is the
+/// origin unless the mesh lies far from it, compared with the mesh's extent.
+/// Then it is a point near the mesh whose coordinates are multiples of a power
+/// of two, which is 8 to 16 times the extent. REQUIRES: a face.
 Eigen::RowVector3d SentOriginOf(const TriangleMesh& mesh);
 
 /// Returns `mesh` compressed: edgebreaker with a vertex_id attribute when every
 /// vertex is on a face, else sequential, which keeps order and isolated
 /// vertices. Decoding gives every vertex its index back in either case.
-/// Coordinates are rounded to single precision. Of a mesh that lies far from
-/// the origin, as georeferenced ones do, little would be left: its coordinates
-/// are those from SentOriginOf on. Matching does not depend on where a mesh
+/// Coordinates are counted from SentOriginOf(mesh) and rounded to single
+/// precision: counted from the origin, little would be left of a mesh far from
+/// it, as georeferenced ones are. Matching does not depend on where a mesh
 /// lies. REQUIRES: ValidateMesh(mesh). INTERNAL when Draco refuses.
 absl::StatusOr<EncodedMesh> EncodeDraco(const TriangleMesh& mesh,
                                         const DracoOptions& options = {});

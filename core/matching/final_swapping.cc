@@ -49,7 +49,8 @@ VertexMap ImagesOf(const PartialVertexMap& map,
   return images;
 }
 
-/// Of the sorted `vertices` the `count` nearest to v, in increasing order.
+/// Returns the `count` of the sorted `vertices` that are nearest to v, in
+/// increasing order.
 std::vector<VertexIndex> NearestOf(const HashedShape& shape, VertexIndex v,
                                    std::vector<VertexIndex> vertices,
                                    std::size_t count) {
@@ -176,7 +177,7 @@ class FinalSwapping {
   const std::vector<VertexIndex> worst_;
   PartialVertexMap& map_;
   std::vector<int> number_;  ///< of each vertex in worst_, or kNone
-  /// Of each of worst_, the nearest matched vertices.
+  /// The matched vertices nearest to each of worst_.
   std::vector<std::vector<VertexIndex>> around_;
 };
 

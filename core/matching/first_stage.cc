@@ -37,9 +37,9 @@ constexpr int kRegrowths = 3;
 constexpr double kWellOriented = 0.9;
 /// Landmarks by which maps are judged; more tell no more.
 constexpr std::size_t kMaxLandmarkProbes = 50;
-/// Of the logarithm of LandmarkPenalty. A map that contradicts all landmarks
-/// must be three times better otherwise: symmetric images differ by less, maps
-/// bent to a wrong landmark by more.
+/// Logarithm of LandmarkPenalty of a map that contradicts all landmarks. Such a
+/// map must be three times better otherwise: symmetric images differ by less,
+/// maps bent to a wrong landmark by more.
 constexpr double kPenaltyRate = 1.1;
 
 /// Difference of fractions of landmarks that counts.

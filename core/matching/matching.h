@@ -76,8 +76,8 @@ class Matching {
   int LeastUnmatched(Side side,
                      const Eigen::Ref<const Eigen::ArrayXf>& values) const;
 
-  /// Of `points`, the unmatched one nearest to any match; ties by order; -1
-  /// when all are matched.
+  /// The unmatched one of `points` that is nearest to any match, ties by order;
+  /// -1 when all are matched.
   int NearestUnmatched(Side side, const std::vector<int>& points) const;
 
   /// Eq. 8 for matching `point` of `side` with each of `candidates` on the

@@ -39,7 +39,7 @@ std::vector<VertexIndex> MergedEnvironment(const HashedShape& shape,
                                            VertexIndex v, int count);
 
 struct SecondStageOptions {
-  /// Of the vertices of the smaller shape.
+  /// Matches to reach, as a fraction of the vertices of the smaller shape.
   double fraction = 0.7;
   /// The paper stops expanding candidates "if it contains too many elements"
   /// to keep its time bounds and leaves the number open: here with the

@@ -18,21 +18,24 @@
 namespace isomatch {
 namespace {
 
-/// Of the mesh's extent: no limit, the count of vertices alone is one.
+/// Largest error of a collapse, as a fraction of the mesh's extent. It is no
+/// limit: only the count of vertices ends a decimation.
 constexpr float kAnyError = 1e6f;
 
-/// Of a closed surface.
+/// Faces for each vertex of a closed surface.
 constexpr double kFacesPerVertex = 2;
 
-/// meshoptimizer cannot be stopped: of a mesh of more faces it gets patches at
-/// first, which the processor's caches hold, and leaves of them so many faces
-/// for each that is wanted in the end, but no smaller share of them in one
-/// pass: where hardly more than the patches' borders is left, which stay, the
-/// inside is too coarse to be mended. What the borders kept goes in later
-/// passes, the last of them over all that is left.
+/// meshoptimizer cannot be stopped: a mesh of more faces than this is decimated
+/// patch by patch, in one pass or several. What is left is decimated as a
+/// whole, which also thins the borders that the patches kept.
 constexpr std::size_t kFacesAtOnce = 1 << 17;
+/// Faces of a patch: few enough for the processor's caches.
 constexpr std::size_t kFacesOfPatch = 1 << 15;
+/// Faces that patches leave for each one that is wanted in the end.
 constexpr double kFacesLeftOfPatches = 8;
+/// The least share of its faces that one pass leaves of a patch. Its border
+/// stays: if hardly more than that were left, the inside would be too coarse to
+/// be mended.
 constexpr double kLeastShareLeft = 0.125;
 
 /// Vertices of faces, three each.
@@ -40,9 +43,9 @@ using FaceCorners = std::vector<unsigned int>;
 
 using FloatPositions = Eigen::Matrix<float, Eigen::Dynamic, 3, Eigen::RowMajor>;
 
-/// meshoptimizer takes vertices at one place for one and does not collapse what
-/// is no seam there. These are different vertices: they get places of their
-/// own, a hair apart.
+/// meshoptimizer takes vertices at the same place for one vertex, and collapses
+/// no edges there that are not on a seam. Here they are different vertices, so
+/// each gets a place of its own, a hair apart.
 void SetApart(float hair, FloatPositions* positions) {
   std::vector<VertexIndex> order(positions->rows());
   std::iota(order.begin(), order.end(), 0);
@@ -64,7 +67,7 @@ void SetApart(float hair, FloatPositions* positions) {
   }
 }
 
-/// About so many faces that are left of some.
+/// Simplifies the faces of `corners` to about `wanted_faces`.
 FaceCorners Simplify(std::span<const unsigned int> corners,
                      const FloatPositions& positions, double wanted_faces,
                      unsigned int options) {
@@ -92,8 +95,8 @@ FaceCorners Simplify(std::span<const unsigned int> corners,
   return left;
 }
 
-/// The faces that are left of a large mesh once its patches are simplified each
-/// for itself, their borders kept.
+/// Returns the faces that are left of a large mesh when each of its patches is
+/// simplified by itself, with its border kept.
 absl::StatusOr<FaceCorners> SimplifyPatches(const FaceCorners& corners,
                                             const FloatPositions& positions,
                                             double wanted_faces,

@@ -43,7 +43,7 @@ class VertexStars {
   }
 
  private:
-  /// Of a vertex with more than kSome faces or neighbors.
+  /// Some faces and neighbors of a vertex that has more than kSome of either.
   struct Hub {
     std::vector<VertexIndex> faces;
     std::vector<VertexIndex> neighbors;

@@ -28,7 +28,7 @@ constexpr std::int64_t kOffsetEvery = 3;
 /// Below these, factors of the rank value are rounding.
 constexpr double kPerfectRank = 1e-8;
 constexpr double kPerfectFit = 1e-4;
-/// Of what cannot be laid out at all.
+/// Stands for a misfit that is not finite: X cannot be laid on Y at all.
 constexpr double kNoFit = 1e6;
 
 AlignmentShape ShapeOf(const PreparedMesh& prepared,
@@ -63,7 +63,8 @@ CandidateChoice::CandidateChoice(const PreparedMesh& x, const PreparedMesh& y,
       descriptors_{&x.descriptors, &y.descriptors},
       prepared_radii_{x.descriptor_radius, y.descriptor_radius} {}
 
-/// Of a coarse and a fine mesh the fine one is described anew.
+/// Describes anew, with the larger radius, the mesh that was prepared with a
+/// smaller one: the finer of the two.
 absl::Status CandidateChoice::DescribeAlike() {
   for (const Side side : {kX, kY}) {
     if (prepared_radii_[side] == radius_) continue;

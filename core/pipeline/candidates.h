@@ -78,7 +78,7 @@ class CandidateChoice {
   const MatchOptions& options_;
   const std::stop_token& stop_;
   const double radius_;  ///< of the descriptors, sqrt(area)
-  /// Of one radius: those that were prepared, or own ones.
+  /// Descriptors of both shapes with radius_: the prepared ones, or own_.
   std::array<const ShapeDescriptors*, 2> descriptors_;
   const std::array<double, 2> prepared_radii_;
   std::array<ShapeDescriptors, 2> own_;

@@ -72,8 +72,8 @@ struct MapQuality {
   double area_distortion = 0;
   /// Vertices of X without an image.
   int unmatched = 0;
-  /// Of the confidence of the vertices that have an image; 0 when there are
-  /// none.
+  /// Mean of the confidence over the vertices that have an image; 0 when there
+  /// are none.
   double mean_confidence = 0;
 };
 
@@ -100,7 +100,7 @@ struct Correspondence {
   std::vector<LandmarkOutcome> landmarks;
   /// With MatchOptions::keep_functional_map: k x k, the first k eigenfunctions
   /// of Y (columns) carried to X (rows), and the eigenvalues of both, 1 / area.
-  /// Of the decimated meshes where those were matched.
+  /// They belong to the decimated meshes where those were matched.
   Eigen::MatrixXd functional_map;
   Eigen::VectorXd eigenvalues_x;
   Eigen::VectorXd eigenvalues_y;

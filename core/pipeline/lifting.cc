@@ -12,8 +12,9 @@
 namespace isomatch {
 namespace {
 
-/// Of unit normals beside positions in sqrt(area). Enough to tell the sides of
-/// a thin wall apart; more would let the noise of normals choose the vertex.
+/// What unit normals are multiplied by, beside positions in sqrt(area): enough
+/// to tell the sides of a thin wall apart. More would let the noise of normals
+/// choose the vertex.
 constexpr float kNormalWeight = 0.01f;
 /// How far around a landmark vertices move with it, in mean edges of the solved
 /// mesh: that far the map cannot have known of it.

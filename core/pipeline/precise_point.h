@@ -9,7 +9,7 @@ namespace isomatch {
 /// A place on Y between the vertices of one of its faces. Named by vertices,
 /// not by face, since a face's number need not survive compression.
 struct PrecisePoint {
-  /// Of Y, counter-clockwise; kNoVertex for no place.
+  /// Vertices of a face of Y, counter-clockwise; kNoVertex for no place.
   std::array<VertexIndex, 3> vertices = {kNoVertex, kNoVertex, kNoVertex};
   /// Barycentric coordinates, each in [0, 1], sum 1.
   std::array<double, 3> weights = {0, 0, 0};

@@ -74,7 +74,7 @@ struct PreparedMesh {
   /// Where `full` has many vertices: what is solved on in its place.
   std::optional<CoarseLevel> coarse;
 
-  // Of solved().
+  // What was computed on solved().
   GeodesicHash hash;
   CotanLaplacian laplacian;
   SpectralBasis spectral;     ///< empty where the options need none

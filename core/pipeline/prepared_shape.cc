@@ -46,9 +46,9 @@ std::string PreparationText(const MatchOptions& options) {
 }
 
 std::int64_t PreparedShapeBytes(const PreparedShape& shape) {
-  // Of each vertex, and of each face beyond two a vertex: mesh, clean mesh,
-  // stars, numberings and, where decimated, embedding; measured, with a third
-  // to spare.
+  // Bytes of each vertex, and of each face beyond two a vertex: mesh, clean
+  // mesh, stars, numberings and, where decimated, embedding. Measured, with a
+  // third to spare.
   constexpr std::int64_t kVertex = 900;
   constexpr std::int64_t kFace = 150;
   const PreparedShape::Contents& contents = shape.contents();

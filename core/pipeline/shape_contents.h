@@ -30,7 +30,7 @@ struct PreparedShape::Contents {
   PreparationKey key = {};
   std::int32_t large_components = 1;
   std::optional<PreparedMesh> whole = std::nullopt;
-  /// Of a shape whose components are matched one by one.
+  /// Set for a shape whose components are matched one by one.
   std::optional<SplitMesh> split = std::nullopt;
 };
 

@@ -141,8 +141,8 @@ absl::StatusOr<Correspondence> MatchWhole(PreparedShape& x, PreparedShape& y,
   const MatchOptions& options = request.options;
   const std::stop_token& stop = request.stop;
   ProgressReporter reporter(request.progress, StagePlan(options));
-  // Of a shape that was split, to meet one of more components than are matched
-  // one by one.
+  // A shape that was split is prepared again as one when the other has more
+  // components than are matched one by one.
   std::array<PreparedMesh, 2> anew;
   std::array<std::optional<MeshToPrepare>, 2> missing;
   if (x.contents().split) missing[kX] = {x.contents().split->clean, "mesh_x"};

@@ -16,7 +16,7 @@ constexpr double kMostAreaDistortion = 0.6;
 constexpr double kLeastCoverage = 0.9;
 constexpr double kLeastSymmetryConfidence = 0.3;
 
-/// Of the areas of faces, where nearly all of a map is torn.
+/// Area distortion (MapQuality) above which nearly all of a map is torn.
 constexpr double kTornAreaDistortion = 2;
 
 std::string Percent(double fraction) {

@@ -10,9 +10,9 @@
 namespace isomatch {
 namespace {
 
-/// Of the mean edge length; see the header.
+/// As a fraction of the mean edge length; see the header.
 constexpr double kTriangleSlack = 1e-4;
-/// Of the mean mass.
+/// As a fraction of the mean mass.
 constexpr double kSmallestMass = 1e-6;
 
 /// Length of the edge opposite each corner.

@@ -12,8 +12,8 @@
 namespace isomatch {
 namespace {
 
-/// Of the largest diagonal entry of the normal equations, so that a few matches
-/// still determine a map.
+/// Added to the diagonal of the normal equations, as a fraction of its largest
+/// entry, so that a few matches still determine a map.
 constexpr double kRegularization = 1e-9;
 /// The matches are summed up in at most this many parts, at the same time.
 constexpr Eigen::Index kParts = 16;

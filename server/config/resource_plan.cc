@@ -37,7 +37,7 @@ std::int64_t PartOf(std::int64_t bytes, double part) {
   return static_cast<std::int64_t>(part * static_cast<double>(bytes));
 }
 
-/// Of running jobs and prepared meshes together.
+/// Returns the bytes that running jobs and prepared meshes share.
 std::int64_t BudgetBytes(const ServerConfig& config, const Machine& machine) {
   constexpr double kMost = 0.8;  // the rest is for gRPC, blobs and the system
   const std::int64_t most = PartOf(machine.memory_bytes, kMost);

@@ -13,8 +13,8 @@ namespace isomatch {
 /// How a server shares what its machine has. All in bytes unless said
 /// otherwise.
 struct ResourcePlan {
-  /// Of running jobs and of prepared meshes: together the budget. It is what
-  /// the configuration says, at most four fifths of the memory.
+  /// Bytes for running jobs and for prepared meshes. Together they are the
+  /// budget that the configuration sets, at most four fifths of the memory.
   std::int64_t job_bytes = 0;
   std::int64_t prepared_bytes = 0;
 

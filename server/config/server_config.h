@@ -87,8 +87,8 @@ struct ServerConfig {
   /// Jobs that may wait.
   static constexpr IntRange kMaxQueuedJobs = {1, 100'000};
   int max_queued_jobs = 100;
-  // Of one tenant. 0 stands for no limit of its own, unless there are API keys:
-  // then for the share that ResourcePlan gives.
+  // What one tenant may have. 0 stands for no limit of its own, or, when there
+  // are API keys, for the share that ResourcePlan gives.
 
   static constexpr IntRange kPerTenant = {0, 1'000'000};
   int max_queued_jobs_per_tenant = 0;
@@ -115,7 +115,8 @@ struct ServerConfig {
   /// for is cut off; see ResourcePlan.
   static constexpr IntRange kMaxConnections = {0, 1'000'000};
   int max_connections = 0;
-  /// Of one address; 0 is an eighth of them. This machine's have no limit.
+  /// Open connections from one address; 0 is an eighth of all that may be open.
+  /// Those from this machine have no limit.
   int max_connections_per_address = 0;
 
   // How long things last.
@@ -134,7 +135,7 @@ struct ServerConfig {
   static constexpr DurationRange kDrainTimeout = {absl::ZeroDuration(),
                                                   absl::Hours(24)};
   absl::Duration drain_timeout = absl::Seconds(30);
-  /// Of the next two, and of unwatched_grace.
+  /// Range of the next two, and of unwatched_grace.
   static constexpr DurationRange kStreamTimes = {absl::Milliseconds(10),
                                                  absl::Hours(1)};
   /// A watcher hears from its job at least this often.

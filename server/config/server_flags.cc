@@ -94,14 +94,14 @@ void AddNewKeyFlags(CLI::App& app, NewApiKeyRequest& request) {
           ->configurable(false)
           ->group("Security");
   app.add_option("--tenant", request.tenant,
-                 "Of the new key: whose jobs and meshes it sees")
+                 "Tenant of the new key, whose jobs and meshes it sees")
       ->check(CLI::Validator(CheckTenantName, "NAME"))
       ->needs(name)
       ->configurable(false)
       ->capture_default_str()
       ->group("Security");
   app.add_option("--role", request.role,
-                 "Of the new key: read, submit or admin")
+                 "Role of the new key: read, submit or admin")
       ->check(CLI::IsMember({"read", "submit", "admin"}))
       ->needs(name)
       ->configurable(false)
@@ -174,7 +174,7 @@ void AddLimitFlags(FlagSet& flags, ServerConfig& config) {
   flags.AddCount("--max-kept-jobs", config.max_kept_jobs,
                  ServerConfig::kMaxKeptJobs,
                  "Ended jobs with a result that are remembered, and as many "
-                 "without; of who has most the oldest goes first");
+                 "without; the oldest of the tenant that has most goes first");
   flags.AddBytes("--max-request-bytes", config.max_request_bytes,
                  ServerConfig::kMaxRequestBytes,
                  "Largest request, up to half of --blob-store-bytes; larger "
@@ -189,8 +189,8 @@ void AddLimitFlags(FlagSet& flags, ServerConfig& config) {
   flags.AddCount("--max-connections-per-address",
                  config.max_connections_per_address,
                  ServerConfig::kMaxConnections,
-                 "Of one address, of IPv6 of one /64; 0 is an eighth of "
-                 "--max-connections; none for this machine");
+                 "Open connections of one address (IPv6: /64); 0 is an eighth "
+                 "of --max-connections; no limit for this machine");
 }
 
 void AddTenantFlags(FlagSet& flags, ServerConfig& config) {
@@ -265,7 +265,7 @@ struct Actions {
 void AddActions(CLI::App& app, Actions& actions) {
   app.set_version_flag("--version", absl::StrCat("isomatch-server ", kVersion));
   app.add_flag("--print-config", actions.print_config,
-               "Prints what all flags come to, as a file for --config")
+               "Prints the values of all flags, as a file for --config")
       ->configurable(false);
   app.add_option(
          "--health",

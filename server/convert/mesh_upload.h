@@ -72,7 +72,7 @@ class MeshUpload {
   v1::Digest digest_;
   /// What has come, with room for that.
   PartialUpload received_;
-  /// Of the same bytes.
+  /// Digest of the bytes in `received_`.
   Sha256 sha256_;
 };
 

@@ -69,7 +69,7 @@ class FieldCounter {
   CodedInputStream& in_;
   const Descriptor& request_;
   int left_;
-  /// Of the request's own fields.
+  /// Tag of the newest field of the request itself, not of a message within.
   std::uint32_t last_tag_ = 0;
 };
 

@@ -44,7 +44,7 @@ class PreparedCache {
   /// Keeps the shape, unless it is larger than all the room.
   void Keep(const BlobKey& key, const PreparedShape& shape);
 
-  /// Of the shapes in memory.
+  /// Bytes of the shapes in memory.
   std::int64_t size_bytes() const;
   Counts counts() const;
 

@@ -22,7 +22,7 @@ struct Caller {
   /// Whose jobs, meshes and results it sees: 1 to 63 of a-z, 0-9, - and _.
   std::string tenant = "default";
   Role role = Role::kAdmin;
-  /// Of the call, for the log; empty when it is not known.
+  /// Names the call in the log; empty when it is not known.
   std::string call_id{};
   /// How far the priorities of its jobs count among tenants.
   int max_priority = kMostPriority;

@@ -52,7 +52,7 @@ class DisconnectGuard {
 
  private:
   struct Entry {
-    /// Of the newest grace period; timers of older ones do nothing.
+    /// Number of the newest grace period; timers of older ones do nothing.
     std::uint64_t period = 0;
     Executor::Timer timer;
   };

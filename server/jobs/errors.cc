@@ -172,7 +172,7 @@ absl::Status TenantQuota(const std::string& tenant, std::int64_t queued_jobs,
   return WithRetry(
       Make(absl::StatusCode::kResourceExhausted, "TENANT_QUOTA",
            absl::StrCat(queued_jobs, " jobs of ", tenant,
-                        " wait, no more may at a time"),
+                        " wait, which is the most allowed"),
            {{"tenant", tenant}, {"queued_jobs", absl::StrCat(queued_jobs)}}),
       retry_after);
 }
@@ -183,7 +183,7 @@ absl::Status TenantRequestsQuota(const std::string& tenant,
   return WithRetry(
       Make(absl::StatusCode::kResourceExhausted, "TENANT_QUOTA",
            absl::StrCat(requests, " requests of ", tenant,
-                        " wait to be read, no more may at a time"),
+                        " wait to be read, which is the most allowed"),
            {{"tenant", tenant}, {"requests", absl::StrCat(requests)}}),
       retry_after);
 }
@@ -226,7 +226,7 @@ absl::Status TenantUploadQuota(const std::string& tenant,
   return WithRetry(
       Make(absl::StatusCode::kResourceExhausted, "UPLOAD_QUOTA",
            absl::StrCat("no room for ", size_bytes, " bytes now: what ", tenant,
-                        " has under way may have ", limit_bytes),
+                        " is sending may take ", limit_bytes),
            {{"tenant", tenant},
             {"size_bytes", absl::StrCat(size_bytes)},
             {"limit_bytes", absl::StrCat(limit_bytes)}}),
@@ -238,7 +238,7 @@ absl::Status TenantUploadsQuota(const std::string& tenant, std::int64_t uploads,
   return WithRetry(
       Make(absl::StatusCode::kResourceExhausted, "UPLOAD_QUOTA",
            absl::StrCat(uploads, " uploads of ", tenant,
-                        " are under way, no more may at a time"),
+                        " are under way, which is the most allowed"),
            {{"tenant", tenant}, {"uploads", absl::StrCat(uploads)}}),
       retry_after);
 }
@@ -333,8 +333,8 @@ absl::Status RunTimeout(absl::Duration limit, bool is_servers) {
 
 absl::Status Unresponsive(int faults) {
   return Make(absl::StatusCode::kInternal, "UNRESPONSIVE",
-              absl::StrCat("asked to stop, the job did not, or took the server "
-                           "down, ",
+              absl::StrCat("the job did not stop when asked to, or took the "
+                           "server down, ",
                            faults, " times"),
               {{"faults", absl::StrCat(faults)}});
 }

@@ -104,7 +104,7 @@ bool IsContentUnavailable(const absl::Status& status);
 struct ErrorDetails {
   /// UPPER_SNAKE_CASE; the code's name for errors not made here.
   std::string reason;
-  /// Of the request, or empty.
+  /// The field of the request that is at fault, or empty.
   std::string field;
   std::optional<absl::Duration> retry_after;
   /// Every number and name that the message mentions.

@@ -49,7 +49,7 @@ struct JobLimits {
   bool durable = false;
   /// See DisconnectGuard.
   absl::Duration unwatched_grace = DisconnectGuard::kGrace;
-  /// Of those limits of all.
+  /// What one tenant may have within these limits.
   TenantLimits tenant = {};
 
   /// Returns what a job may run that asked for so much; infinite for no limit.

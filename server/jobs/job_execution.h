@@ -45,7 +45,7 @@ class JobExecution {
   struct Progress {
     /// Once it is RUNNING.
     std::optional<JobRecord> started;
-    /// Of the whole result; what is stored of it.
+    /// Bytes of the whole result, and the parts of it that are stored.
     std::int64_t result_bytes = 0;
     std::vector<StoredPart> stored;
   };

@@ -30,7 +30,7 @@ namespace isomatch {
 
 /// A part of a result, to be downloaded.
 struct JobPart {
-  /// Of the whole result.
+  /// The whole result, which the part belongs to.
   JobResult result;
   StoredPart part;
   BlobStore::Blob bytes;

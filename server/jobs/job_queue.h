@@ -24,7 +24,7 @@ struct LiveJob {
   std::int32_t priority = 0;
   /// The same as far as it counts among tenants.
   std::int32_t shared_priority = 0;
-  /// Of all that the job may need.
+  /// Estimate of all the memory that the job may need.
   std::int64_t memory_estimate_bytes = 0;
   /// Jobs that were started before this one although they came after it.
   int passes = 0;
@@ -37,7 +37,7 @@ struct LiveJob {
     /// Starts of others of a higher shared_priority since then.
     int overtakes = 0;
   };
-  /// Of the tenant, before the job started and then, while it runs.
+  /// The tenant's turn before the job started, and since it started.
   Turn turn_before;
   Turn turn;
   MemoryBudget::Reservation reservation;
@@ -49,7 +49,7 @@ struct LiveJob {
   /// be read, so often one after the other.
   std::int64_t awaited_bytes = 0;
   int unreadable = 0;
-  /// Of the queue timeout, then of the run timeout.
+  /// Runs out at the queue timeout or, once the job runs, at the run timeout.
   Executor::Timer timer;
 
   /// Stands where `other`, the same job, stood before it started.

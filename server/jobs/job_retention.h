@@ -52,7 +52,7 @@ class JobRetention {
   DiskWork& disk_;
   Mutex mutex_;
   bool is_stopped_ ABSL_GUARDED_BY(mutex_) = false;
-  /// Of the next ForgetOld.
+  /// Runs the next ForgetOld.
   Executor::Timer timer_ ABSL_GUARDED_BY(mutex_);
 };
 

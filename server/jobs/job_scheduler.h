@@ -192,7 +192,7 @@ class JobScheduler {
   std::int64_t stuck_bytes_ ABSL_GUARDED_BY(mutex_) = 0;
   /// Those of the stuck ones of which the store does not know yet.
   int unrecorded_ ABSL_GUARDED_BY(mutex_) = 0;
-  /// Of the executor of workers.
+  /// Threads of the executor that runs the jobs.
   int threads_ ABSL_GUARDED_BY(mutex_);
   bool draining_ ABSL_GUARDED_BY(mutex_) = false;
   bool is_beginning_ ABSL_GUARDED_BY(mutex_) = false;

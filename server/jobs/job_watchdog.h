@@ -77,7 +77,7 @@ class JobWatchdog {
 
   Mutex mutex_;
   bool is_stopped_ ABSL_GUARDED_BY(mutex_) = false;
-  /// Of the next Watch.
+  /// Runs the next Watch.
   Executor::Timer timer_ ABSL_GUARDED_BY(mutex_);
 };
 

@@ -46,7 +46,7 @@ class RunningJobs {
 
   bool IsEmpty() const;
 
-  /// Of all, also of the stuck ones.
+  /// Returns a trace of every job, also of the stuck ones.
   std::vector<JobTrace> Traces() const;
 
   /// Those that are not stuck.

@@ -14,8 +14,8 @@ struct TenantLimits {
   int running_jobs = kNone;
   /// Jobs with a result that are remembered, and as many without.
   int kept_jobs = kNone;
-  /// Of meshes, requests and results, with those of the job that comes; 0 for
-  /// no limit. Results are stored in any case.
+  /// Bytes of stored meshes, requests and results, counted with those of a job
+  /// that is to be accepted; 0 for no limit. Results are stored in any case.
   std::int64_t stored_bytes = 0;
   /// UploadMesh calls at a time, and what they have brought and uploads that
   /// broke off have left.
@@ -24,7 +24,7 @@ struct TenantLimits {
   /// CreateJob calls that wait to be read, and their bytes.
   int requests = kNone;
   std::int64_t request_bytes = std::numeric_limits<std::int64_t>::max();
-  /// Of parts of results that are being sent.
+  /// Bytes of the parts of results that are being sent.
   std::int64_t download_bytes = std::numeric_limits<std::int64_t>::max();
 };
 

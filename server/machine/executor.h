@@ -7,9 +7,9 @@
 
 namespace isomatch {
 
-/// Runs functions on threads of its own. One that ends with std::bad_alloc does
-/// not end the process: a posted one is over, a timer's runs again soon.
-/// Thread-safe.
+/// Runs functions on threads of its own. A function that throws std::bad_alloc
+/// does not end the process: one that was posted is dropped, one of a timer is
+/// soon run again. Thread-safe.
 class Executor {
  public:
   /// Dropping it calls the timer off, unless its function has begun.
@@ -20,8 +20,8 @@ class Executor {
   /// Runs `task` soon, in the order of the calls where there is one thread.
   virtual void Post(std::function<void()> task) = 0;
 
-  /// Takes one thread more, since one of them does not come back; false when
-  /// there is none.
+  /// Starts one more thread, in place of one that does not come back; false
+  /// when there cannot be one.
   virtual bool AddThread() { return false; }
 
   /// Runs `task` once `delay` has passed.

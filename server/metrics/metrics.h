@@ -45,11 +45,11 @@ Metrics& NullMetrics();
 
 /// What is true at one moment.
 struct LoadFigures {
-  /// Of a priority below, at and above 0.
+  /// Queued jobs of a priority below, at and above 0.
   int queued_low = 0;
   int queued_normal = 0;
   int queued_high = 0;
-  /// Of the queued ones: those that wait for room, for their inputs.
+  /// Queued jobs that wait for room for their results, and for their inputs.
   int held_for_storage = 0;
   int held_for_inputs = 0;
   int running_jobs = 0;
@@ -63,8 +63,8 @@ struct LoadFigures {
   /// The peak of the process since a job last started.
   std::int64_t memory_measured_bytes = 0;
   std::int64_t stored_bytes = 0;
-  /// Of prepared meshes in memory; since the start, how many were found there,
-  /// on disk, or not at all.
+  /// Bytes of the prepared meshes in memory; and how often since the start one
+  /// was found in memory, on disk, or not at all.
   std::int64_t prepared_bytes = 0;
   std::int64_t prepared_in_memory = 0;
   std::int64_t prepared_on_disk = 0;

@@ -25,7 +25,8 @@ using grpc::experimental::InterceptionHookPoints;
 using grpc::experimental::InterceptorBatchMethods;
 using grpc::experimental::ServerRpcInfo;
 
-/// Of an error message; some quote what the client sent.
+/// Bytes of an error message that are logged: some messages quote what the
+/// client sent.
 constexpr size_t kMaxErrorBytes = 300;
 
 /// "00-" 32 hex digits "-" 16 "-" 2, as W3C Trace Context has it.

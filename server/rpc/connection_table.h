@@ -12,7 +12,7 @@ namespace isomatch {
 /// Who may be connected at the same time.
 struct ConnectionLimits {
   int most;
-  /// Of one address; 0 for no limit of its own.
+  /// Connections from one address; 0 for no limit of its own.
   int of_one_address;
 };
 

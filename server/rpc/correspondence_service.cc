@@ -31,12 +31,13 @@ namespace {
 constexpr int kFieldsOfDigest = 3;  // itself, sha256, size_bytes
 constexpr int kFieldsOfLabel = 3;   // itself, key, value
 
-/// Of FindMissingMeshes: as many digests as there may be, and some to say so.
+/// Bounds of FindMissingMeshes: all digests that there may be, and some more:
+/// the error about too many then tells their number.
 constexpr RawBounds kDigestsRequest = {
     128 * (RequestLimits::kMaxDigests + 100),
     kFieldsOfDigest*(RequestLimits::kMaxDigests + 100)};
 
-/// Of ListJobs: all labels, and states.
+/// Bounds of ListJobs: all labels that a job may have, and states.
 constexpr RawBounds kFilterRequest = {
     32 << 10,
     kFieldsOfLabel* static_cast<int>(RequestLimits::kMaxLabels) + 2000};

@@ -23,8 +23,9 @@
 namespace isomatch {
 namespace {
 
-/// What a waiting request counts with at least, so that there are not too many
-/// small ones: those of `validate_only` need no seat in the queue.
+/// The least bytes that a waiting request reserves, so that not too many small
+/// ones wait: the queue does not limit those with `validate_only`, which take
+/// no seat in it.
 constexpr std::int64_t kLeastBytes = 16 << 10;
 
 constexpr absl::Duration kRetryRequests = absl::Seconds(2);
@@ -61,7 +62,8 @@ absl::Status Answer(const ServiceContext& context, const Caller& caller,
   return absl::OkStatus();
 }
 
-/// Without memory, and before anybody waits.
+/// Checks a request and reads its outline, before it waits and before anything
+/// is reserved for it.
 absl::StatusOr<RequestOutline> Outline(const ServiceContext& context,
                                        const grpc::ByteBuffer& request) {
   grpc::ByteBuffer bytes = request;  // shares them
@@ -74,7 +76,7 @@ absl::StatusOr<RequestOutline> Outline(const ServiceContext& context,
   return ReadOutline(reader);
 }
 
-/// Room for a request that waits.
+/// Reserves room for a request that waits.
 absl::StatusOr<MemoryBudget::Reservation> ReserveRequest(
     const ServiceContext& context, const Caller& caller,
     const grpc::ByteBuffer& request) {
@@ -87,7 +89,7 @@ absl::StatusOr<MemoryBudget::Reservation> ReserveRequest(
                            kRetryUploadQuota);
 }
 
-/// What a request holds from its coming on until it is answered.
+/// What a request holds from its arrival until it is answered.
 struct Waiting {
   JobIntake::SeatPtr seat;
   MemoryBudget::Reservation room;

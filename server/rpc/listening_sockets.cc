@@ -192,8 +192,8 @@ absl::Status ListeningSockets::OpenInet(const std::string& host,
       continue;
     }
     failed = socket.status();
-    // Of `localhost`, say, one of two addresses is enough where the port is not
-    // the user's choice.
+    // A name such as `localhost` has two addresses: one of them is enough where
+    // the user did not choose the port.
     const bool may_miss = absl::IsNotFound(failed) || !sockets_.empty();
     if (!may_miss || (port != "0" && !absl::IsNotFound(failed))) return failed;
   }

@@ -38,7 +38,7 @@ class ListeningSockets {
 
   std::vector<Descriptor> sockets_;
   std::string address_;
-  /// Of a unix socket.
+  /// Path of the unix socket; empty for other addresses.
   std::string path_;
 };
 

@@ -29,7 +29,7 @@ struct RawBounds {
   int max_fields;
 };
 
-/// Of a request that names a job, or nothing.
+/// Bounds of a request that names a job, or nothing.
 inline constexpr RawBounds kSmallRequest = {4 << 10, 100};
 
 /// Parses `raw` if it is within the bounds. INVALID_ARGUMENT (INVALID_FIELD)

@@ -38,7 +38,7 @@ void Refusals::Tell(Clock::time_point now) {
     Episode& episode = episodes_[i];
     if (episode.count == 0 || now < episode.last + kQuiet) continue;
     Log(LogLevel::kInfo,
-        absl::StrCat("no connection is refused any more, ", episode.count,
+        absl::StrCat("connections are no longer refused; ", episode.count,
                      " were: ", Describe(static_cast<Refusal>(i))),
         {{"refused", episode.count}});
     episode.count = 0;

@@ -11,9 +11,10 @@ namespace isomatch {
 enum class Refusal { kNoDescriptor, kTooMany, kTooManyOfOrigin };
 inline constexpr int kRefusals = 3;
 
-/// Counts and logs refused connections: a warning when they begin, a line with
-/// their number when none was refused for 5 s. So a flood of them fills no log.
-/// Of one thread, but for total().
+/// Counts refused connections, and logs them so that a flood of them does not
+/// fill the log: a warning when they begin, and a line with their number when
+/// none was refused for 5 s. Only total() may be called from any thread; the
+/// rest belongs to one.
 class Refusals {
  public:
   using Clock = std::chrono::steady_clock;
@@ -21,10 +22,11 @@ class Refusals {
 
   void Add(Refusal why, Clock::time_point now);
 
-  /// Logs what is over. To be called every second while is_open().
+  /// Logs how many connections were refused once none was for kQuiet. To be
+  /// called every second while is_open().
   void Tell(Clock::time_point now);
 
-  /// Whether something is still to be logged.
+  /// Whether there are refusals whose number is still to be logged.
   bool is_open() const;
 
   std::int64_t total() const { return total_; }

@@ -23,13 +23,14 @@
 namespace isomatch {
 namespace {
 
-/// Bytes a second. Who sends less holds room that others need.
+/// The least bytes a second that an upload has to bring. A slower one holds
+/// room that others need.
 constexpr std::int64_t kLeastSpeed = 1024;
 
-/// The longest that a whole mesh may take.
+/// The longest that the upload of a whole mesh may take.
 constexpr std::int64_t kMostSeconds = 3600;
 
-/// Of one message: those of a header are four.
+/// The most fields that one message may have; a header has four.
 constexpr int kMostFields = 8;
 
 std::int64_t LeastSpeed(const v1::Digest& header) {
@@ -39,17 +40,18 @@ std::int64_t LeastSpeed(const v1::Digest& header) {
 
 /// One UploadMesh call.
 ///
-///   1. Begin: reads the first message, sets the idle alarm.
-///   2. OnReadDone: takes the message, reads the next; finishes on an error, or
-///      at once when the mesh is known. A thread of the disk takes the header,
-///      since it looks whether the mesh is there, and at the end of the stream
-///      stores the mesh and finishes, whatever happens meanwhile.
+///   1. Begin: starts to read the first message and sets the idle alarm.
+///   2. OnReadDone: takes the message and reads the next. Finishes on an error,
+///      or at once when the mesh is known. Threads of the disk do two things:
+///      they take the header, to look whether the mesh is there, and at the end
+///      of the stream they store the mesh and finish. Nothing else finishes the
+///      call meanwhile.
 ///   3. The alarm: finishes when less than LeastSpeed came since it was set,
-///   but
-///      for the time that the disk took.
-///   4. OnCancel: finishes with CANCELLED.
-///   5. OnDone: nothing reads any more; keeps the bytes of an upload that broke
-///      off, lets go of itself.
+///      unless a thread of the disk is at work.
+///   4. OnCancel: finishes with CANCELLED, unless a thread of the disk is at
+///      work.
+///   5. OnDone: nothing reads any more. Keeps the bytes of an upload that broke
+///      off, and lets go of itself.
 ///
 /// It holds itself alive from 1 to 5; the alarm holds it weakly.
 class UploadMeshReactor final
@@ -128,7 +130,7 @@ class UploadMeshReactor final
     OnDisk([this] { Store(); });
   }
 
-  /// Calls `act()` in a thread of the disk, unless all is over.
+  /// Calls `act()` in a thread of the disk, unless the call is finished.
   template <typename Act>
   void OnDisk(Act act) {
     {
@@ -150,8 +152,8 @@ class UploadMeshReactor final
     FinishWithAnswer();
   }
 
-  /// Calls `act()`; finishes when there is not even memory for an answer, as
-  /// nobody else may any more.
+  /// Calls `act()`. Finishes the call when there is not even memory for an
+  /// answer, since nothing else may finish it.
   template <typename Act>
   void FinishWithoutMemory(const Act& act) {
     try {
@@ -196,7 +198,7 @@ class UploadMeshReactor final
     if (!finished_) SetAlarm();
   }
 
-  /// False when the disk's thread is to go on.
+  /// Finishes the call, unless a thread of the disk is at work; false then.
   bool FinishUnlessOnDisk(const grpc::Status& status) {
     {
       MutexLock lock(mutex_);
@@ -230,7 +232,7 @@ class UploadMeshReactor final
   std::int64_t received_at_alarm_ = 0;
 
   Mutex mutex_;
-  /// Nobody but the disk's thread finishes as long as this is so.
+  /// A thread of the disk is at work. Nothing else finishes the call meanwhile.
   bool on_disk_ ABSL_GUARDED_BY(mutex_) = false;
   bool finished_ ABSL_GUARDED_BY(mutex_) = false;
 };

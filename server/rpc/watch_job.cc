@@ -149,9 +149,9 @@ class WatchJobReactor final
   grpc::Alarm alarm_;
 
   Mutex mutex_;
-  /// Of the newest snapshot that the client has or will get.
+  /// Sequence of the newest snapshot that the client has or will get.
   std::uint64_t last_sequence_ ABSL_GUARDED_BY(mutex_);
-  /// Of the snapshot that was written last.
+  /// Sequence of the snapshot that was written last.
   std::uint64_t written_sequence_ ABSL_GUARDED_BY(mutex_) = 0;
   /// `response_` belongs to gRPC.
   bool writing_ ABSL_GUARDED_BY(mutex_) = false;

@@ -25,13 +25,13 @@ class BlobIndex {
     int pins = 0;
     /// The bytes are lost until somebody puts them again.
     bool is_damaged = false;
-    /// It was pinned although nothing was found: its bytes may turn up.
+    /// It was pinned although its bytes were not found: they may turn up.
     bool is_awaited = false;
-    /// Another one each time that the bytes were put.
+    /// A new number each time that the bytes are put.
     std::uint64_t version = 0;
-    /// When they were last read and found whole.
+    /// When the bytes were last read and found whole.
     std::chrono::steady_clock::time_point whole_at = {};
-    /// The bytes as long as somebody has them.
+    /// The bytes, as long as somebody holds them.
     std::weak_ptr<const std::string> held = {};
     /// The bytes, in a store that has them nowhere else.
     BlobStore::Blob blob = nullptr;
@@ -48,11 +48,13 @@ class BlobIndex {
   /// they cannot; nothing is taken out then.
   absl::StatusOr<std::list<Entry>> MakeRoom(std::int64_t bytes);
 
-  /// The most that MakeRoom makes.
+  /// Returns the most bytes that MakeRoom can make room for.
   std::int64_t RoomBytes() const;
 
-  /// The same of the entries of the key's tenant, until its others and `bytes`
-  /// for this one are at most `limit`. What is there undamaged needs no room.
+  /// As MakeRoom, but takes out only entries of the key's tenant, and not the
+  /// key's own, until `bytes` and the tenant's other entries are at most
+  /// `limit` together. Takes out nothing when the key's bytes are there
+  /// undamaged.
   absl::StatusOr<std::list<Entry>> MakeTenantRoom(const BlobKey& key,
                                                   std::int64_t bytes,
                                                   std::int64_t limit);
@@ -61,7 +63,8 @@ class BlobIndex {
   /// REQUIRES: the key is new.
   Entry& Add(Entry entry);
 
-  /// The bytes of an entry that is there were put again, this many now.
+  /// Notes that the bytes of an entry were put again, and how many they are
+  /// now.
   void Renew(Entry& entry, std::int64_t bytes);
 
   /// Takes an entry out; nothing when it is not there.

@@ -25,7 +25,7 @@ enum class Keep {
 struct BlobKey {
   /// As Caller::tenant.
   std::string tenant;
-  /// Of the content, 64 lower-case hexadecimal digits.
+  /// SHA-256 of the content, 64 lower-case hexadecimal digits.
   std::string sha256;
 
   auto operator<=>(const BlobKey&) const = default;

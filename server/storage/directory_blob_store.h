@@ -146,7 +146,7 @@ class DirectoryBlobStore : public BlobStore {
   CondVar left_;
   std::set<BlobKey> leaving_ ABSL_GUARDED_BY(mutex_);
   std::multiset<BlobKey> in_use_ ABSL_GUARDED_BY(mutex_);
-  /// Of blobs that are being written.
+  /// Bytes of blobs that are being written.
   std::int64_t arriving_bytes_ ABSL_GUARDED_BY(mutex_) = 0;
   /// Those that are known to survive the loss of power.
   std::set<std::string> lasting_folders_ ABSL_GUARDED_BY(mutex_);

@@ -29,11 +29,11 @@ struct JobFilter {
 
 /// Which terminal jobs stay.
 struct KeepLimits {
-  /// So many that have a result, and as many that have none; in all and of one
-  /// tenant.
+  /// Jobs that have a result, and as many that have none; of all tenants and of
+  /// each.
   int max_jobs = 1000;
   int max_jobs_per_tenant = std::numeric_limits<int>::max();
-  /// Of the results together.
+  /// Bytes of all results together.
   std::int64_t max_result_bytes = std::int64_t{256} << 20;
   /// Others go for their age, by the two clocks of JobRecord.
   absl::Time ended_before = absl::InfinitePast();

@@ -11,11 +11,13 @@
 namespace isomatch {
 namespace {
 
-/// More changes than a process makes between two that are kept. What watchers
-/// saw before a crash stays behind what they see after it.
+/// Added to the sequence numbers of an earlier process: more than the changes
+/// that it can have made since the last one that the journal has. So watchers
+/// never see a smaller number after a crash than before it.
 constexpr std::uint64_t kSequenceGap = std::uint64_t{1} << 32;
 
-/// Of jobs that are removed together: a full disk takes no large change.
+/// Jobs that are removed from the journal in one change: a full disk has no
+/// room for a large one.
 constexpr size_t kRemovedAtOnce = 32;
 
 absl::Status NotFound(const std::string& id) {
@@ -230,7 +232,8 @@ size_t MemoryJobStore::RemoveFromJournal(const std::vector<std::string>& ids) {
 }
 
 void MemoryJobStore::Add(const JobRecord& record) {
-  // First of all, so that what the tables name is there wherever memory ends.
+  // The record comes first, so that the other tables never name one that is not
+  // there, wherever memory runs out.
   records_[record.id] = record;
   by_number_[record.number] = record.id;
   if (!record.request_id.empty()) {

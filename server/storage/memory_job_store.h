@@ -26,13 +26,16 @@ class MemoryJobStore : public JobStore {
 
   MemoryJobStore() = default;
 
-  /// Begins with the `records` of an earlier process and keeps jobs and changes
-  /// of state or attempt in the journal before anybody sees them; progress
-  /// alone is not kept. When the journal fails, a new job is refused, and any
-  /// other change holds in memory, is told to `on_error` and written with the
-  /// next one: until then a crash makes the job run again. New jobs get numbers
-  /// from `first_number` on; it has to be above those of jobs that are deleted
-  /// by now, so that page tokens stay in their place.
+  /// Begins with the `records` of an earlier process. The journal has new jobs
+  /// and changes of state or attempt before anybody sees them; it does not have
+  /// progress.
+  ///
+  /// When the journal fails, a new job is refused. Any other change holds in
+  /// memory, is reported to `on_error` and is written with the next one; after
+  /// a crash before that the job runs again.
+  ///
+  /// New jobs get numbers from `first_number` on. REQUIRES: it is above the
+  /// numbers of jobs that were deleted, so that page tokens keep their place.
   MemoryJobStore(std::vector<JobRecord> records, JobJournal* journal,
                  OnError on_error, std::uint64_t first_number = 1);
 
@@ -64,14 +67,15 @@ class MemoryJobStore : public JobStore {
   /// Returns the stored record; NOT_FOUND, ABORTED.
   absl::StatusOr<JobRecord*> FindSame(const JobRecord& record)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  /// What the journal need not know.
+  /// Makes a change that the journal need not have.
   absl::StatusOr<JobRecord> Advance(JobRecord record, JobRecord& stored)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  /// What the journal has first.
+  /// Makes a change after the journal has it.
   absl::StatusOr<JobRecord> Keep(JobRecord record)
       ABSL_LOCKS_EXCLUDED(writer_mutex_, mutex_);
 
-  /// Returns how many of the first it has removed.
+  /// Removes the jobs from the journal in this order, up to the first error;
+  /// returns how many it removed.
   size_t RemoveFromJournal(const std::vector<std::string>& ids)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(writer_mutex_);
 
@@ -82,8 +86,8 @@ class MemoryJobStore : public JobStore {
   JobJournal* const journal_ = nullptr;
   const OnError on_error_;
 
-  /// Held by whoever changes what is kept, also while the journal writes.
-  /// Before mutex_, which is only held for a moment.
+  /// Held by whoever changes what is kept, also while the journal writes. Taken
+  /// before mutex_, which is only held for a moment.
   Mutex writer_mutex_;
   /// Jobs whose newest change is not in the journal.
   std::set<std::string> unwritten_ ABSL_GUARDED_BY(writer_mutex_);

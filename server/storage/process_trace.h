@@ -19,7 +19,7 @@ struct JobTrace {
   std::optional<absl::Duration> unanswered = std::nullopt;
   /// Its worker was given up.
   bool is_stuck = false;
-  /// Of the process, when the job began.
+  /// Resident bytes of the process when the job began.
   std::int64_t resident_at_begin = 0;
 };
 

@@ -83,7 +83,7 @@ std::string TimeText(absl::Time time) {
   return absl::FormatTime("%Y-%m-%dT%H:%M:%E3SZ", time, absl::UTCTimeZone());
 }
 
-/// Of what a row holds.
+/// Returns the checksum of what a row holds.
 std::string Checksum(const std::string& id, absl::string_view record) {
   constexpr size_t kDigits = 16;
   Sha256 sha256;

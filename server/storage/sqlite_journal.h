@@ -23,7 +23,7 @@ class SqliteJournal : public JobJournal {
   /// brought up to it; newer ones are refused.
   static constexpr int kSchemaVersion = 4;
 
-  /// Of PATH.reserve.
+  /// Size of the file PATH.reserve.
   static constexpr std::int64_t kReserveBytes = 1 << 20;
 
   /// Opens the database, or makes it. UNAVAILABLE: the file cannot be opened;
