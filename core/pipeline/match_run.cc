@@ -205,8 +205,8 @@ class MatchRun {
     SecondStageOptions second;
     second.fraction = options_.second_stage_fraction;
     RandomStream random(options_.random_seed, kSecondStageStream);
-    ISOMATCH_RETURN_IF_ERROR(RunSecondStage(shape_x, shape_y, second, &random,
-                                            progress_.Share(0, 1), stop_, &map));
+    ISOMATCH_RETURN_IF_ERROR(RunSecondStage(
+        shape_x, shape_y, second, &random, progress_.Share(0, 1), stop_, &map));
     best().y_from_x = map.y_from_x;
     Keep(Stage::kSecondInsertion);
     progress_.Begin(Stage::kFinalSwapping);
