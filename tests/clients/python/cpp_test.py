@@ -45,7 +45,7 @@ class CppTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         shutil.rmtree(FOLDER, ignore_errors=True)
-        for component in ("sdk", "client"):
+        for component in ("sdk", "client", "server"):
             run(CMAKE, "--install", BUILD, "--component", component, "--prefix", PREFIX)
         build(EXAMPLES, FOLDER / "examples")
         cls.server = cls.enterClassContext(support.Server("--ephemeral", "--workers=1"))
@@ -63,6 +63,15 @@ class CppTest(unittest.TestCase):
         printed, said = process.communicate(timeout=120)
         self.assertEqual(process.returncode, status, said)
         return printed, said
+
+    def test_the_unit_starts_what_is_installed(self):
+        unit = (PREFIX / "lib/systemd/system/isomatch-server.service").read_text()
+        command = re.search("^ExecStart=(.*)$", unit, re.MULTILINE).group(1)
+        server, config = PREFIX / "bin/isomatch-server", PREFIX / "etc/isomatch/server.toml"
+        self.assertEqual(command, f"{server} --config {config}")
+        self.assertNotIn("/usr/local", unit)
+        self.assertTrue(config.is_file())
+        self.assertIn("isomatch-server", run(server, "--version"))
 
     def test_headers_are_in_one_folder_and_complete(self):
         include = PREFIX / "include"

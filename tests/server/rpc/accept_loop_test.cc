@@ -174,7 +174,7 @@ TEST(RefusalsTest, AnEpisodeHasALineAtItsBeginAndOneAtItsEnd) {
   const std::string log = testing::internal::GetCapturedStdout();
   EXPECT_EQ(std::count(log.begin(), log.end(), '\n'), 2) << log;
   EXPECT_THAT(log, AllOf(HasSubstr("new connections are refused: one address"),
-                         HasSubstr("any more, 1000 were: one address")));
+                         HasSubstr("no longer refused; 1000 were: one address")));
 }
 
 }  // namespace
