@@ -109,8 +109,9 @@ DescribedSurface SurfaceOf(const PreparedMesh& prepared);
 absl::Status Describe(const MatchOptions& options, const std::stop_token& stop,
                       PreparedMesh* prepared);
 
-/// Mirrors a shape in space: intrinsically it stays the same. Its descriptors
-/// do not, and have to be made anew.
+/// Mirrors a shape in space: intrinsically it stays the same. Its faces are
+/// turned over, so that normals stay outward. Its descriptors change, and have
+/// to be made anew.
 void Reflect(PreparedMesh* prepared);
 
 /// The environments of the basis points, of all vertices (Section 3.1).
