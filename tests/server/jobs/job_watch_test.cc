@@ -15,6 +15,19 @@ using testing::HasSubstr;
 using testing::IsEmpty;
 using testing::SizeIs;
 
+TEST_F(JobWatchTest, StartsWhatCanThoughNobodySaidThatItCan) {
+  auto others = budget_.Reserve(kBudget);
+  ASSERT_THAT(others, IsOk());
+  const std::string id = Create();
+  Pass(absl::ZeroDuration());
+  EXPECT_FALSE(growing_.RunNext());
+  *others = MemoryBudget::Reservation();
+  EXPECT_FALSE(growing_.RunNext());
+  Pass(absl::ZeroDuration());
+  EXPECT_TRUE(growing_.RunNext());
+  EXPECT_EQ(StateOf(id), "SUCCEEDED");
+}
+
 TEST_F(JobWatchTest, AWorkerThatDoesNotComeBackCostsItsJobOnly) {
   limits_.workers = 2;
   NextProcess();
