@@ -230,6 +230,7 @@ class FaceCarrier {
         roots.begin(), roots.end(),
         [](const auto& a, const auto& b) { return a.first < b.first; });
     std::vector<VertexIndex> faces;
+    faces.reserve(roots.size());
     for (const auto& [count, face] : roots) faces.push_back(face);
     return faces;
   }

@@ -15,9 +15,9 @@
                              declaration, expression)
 
 #define ISOMATCH_ASSIGN_OR_RETURN_(result, declaration, expression) \
-  auto result = (expression);                                       \
-  if (!result.ok()) return std::move(result).status();              \
-  declaration = *std::move(result)
+  auto result = (expression);                          /* NOLINT */ \
+  if (!result.ok()) return std::move(result).status(); /* NOLINT */ \
+  declaration = *std::move(result)                     /* NOLINT: declares */
 
 #define ISOMATCH_CONCAT_(a, b) ISOMATCH_CONCAT_INNER_(a, b)
 #define ISOMATCH_CONCAT_INNER_(a, b) a##b

@@ -96,6 +96,13 @@ absl::StatusOr<std::vector<ComponentShape>> ShapesOf(
   return shapes;
 }
 
+/// What it costs to pair two components, without landmarks.
+double CostOf(const ComponentShape& x, const ComponentShape& y) {
+  return std::abs(x.log_area - y.log_area) +
+         std::abs(x.log_length - y.log_length) +
+         kPlaceWeight * (x.place - y.place).norm();
+}
+
 /// Position in `large` of the component that a user's vertex lies in, or -1.
 int ComponentOf(const SplitMesh& split, VertexIndex user) {
   const VertexIndex v = split.clean.clean_from_original[user];
@@ -329,16 +336,13 @@ absl::StatusOr<std::vector<ComponentPair>> PairComponents(
   std::vector<std::tuple<double, int, int>> costs;
   for (int x = 0; x < static_cast<int>(shapes_x.size()); ++x) {
     for (int y = 0; y < static_cast<int>(shapes_y.size()); ++y) {
-      double cost =
-          std::abs(shapes_x[x].log_area - shapes_y[y].log_area) +
-          std::abs(shapes_x[x].log_length - shapes_y[y].log_length) +
-          kPlaceWeight * (shapes_x[x].place - shapes_y[y].place).norm();
-      for (const Landmark& landmark : landmarks) {
-        if (ComponentOf(split_x, landmark.x) == x &&
-            ComponentOf(split_y, landmark.y) == y) {
-          cost -= kLandmarkGain;
-        }
-      }
+      const auto between = std::count_if(
+          landmarks.begin(), landmarks.end(), [&](const Landmark& landmark) {
+            return ComponentOf(split_x, landmark.x) == x &&
+                   ComponentOf(split_y, landmark.y) == y;
+          });
+      const double cost = CostOf(shapes_x[x], shapes_y[y]) -
+                          static_cast<double>(between) * kLandmarkGain;
       costs.emplace_back(cost, x, y);
     }
   }

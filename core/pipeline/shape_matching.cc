@@ -181,7 +181,7 @@ void Judge(Correspondence* found) {
 absl::StatusOr<PreparedShape> PrepareHere(SharedMesh mesh,
                                           const MatchOptions& options,
                                           const ProgressCallback& progress,
-                                          std::stop_token stop) {
+                                          const std::stop_token& stop) {
   const ShapeToPrepare shape = NewShape(std::move(mesh), options, "mesh");
   ISOMATCH_RETURN_IF_ERROR(
       PrepareShapes({shape, std::nullopt}, options, progress, stop));
@@ -191,7 +191,7 @@ absl::StatusOr<PreparedShape> PrepareHere(SharedMesh mesh,
 absl::StatusOr<PreparedPair> PrepareBothHere(ShapeSource x, ShapeSource y,
                                              const MatchOptions& options,
                                              const ProgressCallback& progress,
-                                             std::stop_token stop) {
+                                             const std::stop_token& stop) {
   std::array<ShapeSource*, 2> sources = {&x, &y};
   ShapesToPrepare missing;
   for (const Side side : {kX, kY}) {
@@ -211,7 +211,7 @@ absl::StatusOr<PreparedPair> PrepareBothHere(ShapeSource x, ShapeSource y,
 absl::StatusOr<Correspondence> MatchPreparedHere(
     PreparedShape x, PreparedShape y, absl::Span<const Landmark> landmarks,
     const MatchOptions& options, const ProgressCallback& progress,
-    std::stop_token stop) {
+    const std::stop_token& stop) {
   const auto most = static_cast<std::size_t>(
       std::max(x.contents().large_components, y.contents().large_components));
   const Request request = {landmarks, options, progress, stop};

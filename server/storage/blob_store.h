@@ -28,7 +28,7 @@ struct BlobKey {
   /// SHA-256 of the content, 64 lower-case hexadecimal digits.
   std::string sha256;
 
-  auto operator<=>(const BlobKey&) const = default;
+  auto operator<=>(const BlobKey&) const = default;  // NOLINT: not a pointer
 };
 
 /// Bytes under the SHA-256 of their content: uploaded meshes, requests and
