@@ -83,14 +83,14 @@ void JobIntake::GiveSeatBack(const std::string& tenant) {
 absl::Status JobIntake::CheckRoomLocked(const std::string& tenant) const {
   // A job has its seat until it is in the queue: it may count twice for a
   // moment, but never not at all.
-  const JobLoad load = scheduler_.load();
-  if (load.draining) return Draining(kRetryDraining);
-  const int waiting = load.queued_jobs + static_cast<int>(seated_.size());
+  const QueueRoom room = scheduler_.RoomFor(tenant);
+  if (room.draining) return Draining(kRetryDraining);
+  const int waiting = room.queued_jobs + static_cast<int>(seated_.size());
   if (waiting >= environment_.limits.max_queued_jobs) {
     return QueueFull(waiting, kRetryQueueFull);
   }
-  const int own = scheduler_.CountQueuedOf(tenant) +
-                  static_cast<int>(seated_.count(tenant));
+  const int own =
+      room.queued_of_tenant + static_cast<int>(seated_.count(tenant));
   if (own >= environment_.limits.tenant.queued_jobs) {
     return TenantQuota(tenant, own, kRetryQueueFull);
   }
@@ -114,7 +114,7 @@ absl::StatusOr<JobSnapshot> JobIntake::Create(const Caller& caller,
     ISOMATCH_ASSIGN_OR_RETURN(seat, TakeSeat(caller, ""));
   }
   record.id = environment_.new_id();
-  return Accept(caller, std::move(record), std::move(spec.inputs));
+  return Accept(caller, record, std::move(spec.inputs));
 }
 
 JobRecord JobIntake::NewRecord(const Caller& caller,
@@ -143,19 +143,18 @@ JobRecord JobIntake::NewRecord(const Caller& caller,
 }
 
 absl::StatusOr<JobSnapshot> JobIntake::Accept(const Caller& caller,
-                                              JobRecord record,
+                                              const JobRecord& record,
                                               std::vector<JobInput> inputs) {
+  const std::string& id = record.id;
   // Before others can end it, so that its end finds it guarded.
-  const std::string id = record.id;
   if (record.cancel_when_unwatched) lifecycle_.guard().Guard(id);
-  const std::string request_id = record.request_id;
-  const std::string request_sha256 = record.request_sha256;
-  const auto stored = Store(std::move(record), std::move(inputs));
+  const auto stored = Store(record, std::move(inputs));
   if (!stored.ok()) {
     lifecycle_.guard().Release(id);
     // The same request may have come twice at the same time.
-    ISOMATCH_ASSIGN_OR_RETURN(std::optional<JobSnapshot> other,
-                              FindRequest(caller, request_id, request_sha256));
+    ISOMATCH_ASSIGN_OR_RETURN(
+        std::optional<JobSnapshot> other,
+        FindRequest(caller, record.request_id, record.request_sha256));
     if (other) return *std::move(other);
     return stored.status();
   }
@@ -172,7 +171,7 @@ absl::StatusOr<JobSnapshot> JobIntake::Accept(const Caller& caller,
   return scheduler_.SnapshotOf(std::move(now));
 }
 
-absl::StatusOr<JobRecord> JobIntake::Store(JobRecord record,
+absl::StatusOr<JobRecord> JobIntake::Store(const JobRecord& record,
                                            std::vector<JobInput> inputs) {
   ISOMATCH_RETURN_IF_ERROR(StoreInputs(record, std::move(inputs)));
   auto stored = environment_.jobs->Insert(record);

@@ -49,9 +49,10 @@ class JobIntake {
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void GiveSeatBack(const std::string& tenant);
   JobRecord NewRecord(const Caller& caller, const JobSpec& spec) const;
-  absl::StatusOr<JobSnapshot> Accept(const Caller& caller, JobRecord record,
+  absl::StatusOr<JobSnapshot> Accept(const Caller& caller,
+                                     const JobRecord& record,
                                      std::vector<JobInput> inputs);
-  absl::StatusOr<JobRecord> Store(JobRecord record,
+  absl::StatusOr<JobRecord> Store(const JobRecord& record,
                                   std::vector<JobInput> inputs);
   absl::Status StoreInputs(const JobRecord& record,
                            std::vector<JobInput> inputs);

@@ -75,9 +75,9 @@ std::map<std::int32_t, int> JobScheduler::queued_by_priority() const {
   return queue_.CountByPriority();
 }
 
-int JobScheduler::CountQueuedOf(const std::string& tenant) const {
+QueueRoom JobScheduler::RoomFor(const std::string& tenant) const {
   MutexLock lock(mutex_);
-  return queue_.CountOf(tenant);
+  return {draining_, queue_.size(), queue_.CountOf(tenant)};
 }
 
 JobSnapshot JobScheduler::SnapshotOf(JobRecord record) const {
@@ -129,7 +129,7 @@ void JobScheduler::Enqueue(const JobRecord& record) {
 }
 
 std::shared_ptr<LiveJob> JobScheduler::NewLive(const JobRecord& record) {
-  const auto live = std::make_shared<LiveJob>();
+  auto live = std::make_shared<LiveJob>();
   live->id = record.id;
   live->tenant = record.tenant;
   live->priority = record.priority;

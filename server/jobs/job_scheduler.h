@@ -50,6 +50,14 @@ struct JobLoad {
   int held_for_storage;
 };
 
+/// How full the queue is, for a job that wants to come.
+struct QueueRoom {
+  bool draining;
+  int queued_jobs;
+  /// Those of them that are the tenant's.
+  int queued_of_tenant;
+};
+
 /// Which jobs of this process wait and which have a worker, and which is next:
 /// one starts when there is a worker slot and memory for it, and results can be
 /// stored. One whose result alone is too large for the disk, or whose inputs
@@ -78,8 +86,8 @@ class JobScheduler {
 
   JobLoad load() const;
   std::map<std::int32_t, int> queued_by_priority() const;
-  /// Waiting jobs of one tenant.
-  int CountQueuedOf(const std::string& tenant) const;
+  /// Time O(log tenants), whatever the jobs are.
+  QueueRoom RoomFor(const std::string& tenant) const;
   JobSnapshot SnapshotOf(JobRecord record) const;
   RunningJobs& runs() { return runs_; }
 
