@@ -101,14 +101,19 @@ absl::Status ElasticAlignment::FindPoints(const std::stop_token& stop) {
   });
 }
 
+absl::Status ElasticAlignment::PullX(const std::stop_token& stop) {
+  for (int step = 0; step < kStepsPerRound; ++step) {
+    ISOMATCH_RETURN_IF_ERROR(
+        surface_.Step(targets_, stop, &aligned_.positions));
+  }
+  return absl::OkStatus();
+}
+
 absl::Status ElasticAlignment::Run(double stiffness, int rounds,
                                    const std::stop_token& stop) {
   ISOMATCH_RETURN_IF_ERROR(surface_.SetPull(pull_, stiffness));
   for (int round = 0; round < rounds; ++round) {
-    for (int step = 0; step < kStepsPerRound; ++step) {
-      ISOMATCH_RETURN_IF_ERROR(
-          surface_.Step(targets_, stop, &aligned_.positions));
-    }
+    ISOMATCH_RETURN_IF_ERROR(PullX(stop));
     DescribeX();
     DescribeY();
     ISOMATCH_RETURN_IF_ERROR(FindAlike(stop));

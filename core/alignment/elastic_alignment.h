@@ -84,6 +84,8 @@ class ElasticAlignment {
  private:
   void DescribeY();
   void DescribeX();
+  /// Deforms X toward the targets.
+  absl::Status PullX(const std::stop_token& stop);
   absl::Status FindAlike(const std::stop_token& stop);
   absl::Status FindPoints(const std::stop_token& stop);
 

@@ -122,6 +122,7 @@ class Task {
 /// throws what the first of them threw.
 void RunAll(int allowed, const std::vector<std::function<void()>>& bodies) {
   std::vector<std::unique_ptr<Task>> tasks;
+  tasks.reserve(bodies.size());
   for (const auto& body : bodies) {
     tasks.push_back(std::make_unique<Task>(allowed, body));
   }

@@ -59,6 +59,7 @@ absl::Status MeasureDistances(const BasisPoints& basis_x,
                               MapMeasures* measures) {
   const int anchors = std::min(kAnchors, basis_x.num_points());
   std::vector<VertexIndex> images;
+  images.reserve(static_cast<std::size_t>(anchors));
   for (int a = 0; a < anchors; ++a) {
     images.push_back(y_from_x[basis_x.points()[a]]);
   }

@@ -60,6 +60,7 @@ std::vector<VertexIndex> NearestOf(const HashedShape& shape, VertexIndex v,
       ClosestOf(closeness.data(), static_cast<int>(vertices.size()),
                 /*self=*/-1, static_cast<int>(count));
   std::vector<VertexIndex> kept;
+  kept.reserve(nearest.size());
   for (const int i : nearest) kept.push_back(vertices[i]);
   std::sort(kept.begin(), kept.end());
   return kept;
@@ -82,6 +83,7 @@ absl::StatusOr<std::vector<VertexIndex>> WorstContributors(
   std::sort(ranked.begin(), ranked.end());
   ranked.resize(static_cast<std::size_t>(fraction * ranked.size()));
   std::vector<VertexIndex> worst;
+  worst.reserve(ranked.size());
   for (const auto& [contribution, x] : ranked) worst.push_back(x);
   std::sort(worst.begin(), worst.end());
   return worst;

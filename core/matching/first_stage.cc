@@ -171,6 +171,7 @@ std::vector<int> ImagesOfProbes(const FirstStageOptions& options,
   std::vector<int> images;
   std::vector<float> errors;
   const int probes = std::min(kProbes, matching.pool(kX).size());
+  images.reserve(static_cast<std::size_t>(probes));
   for (int x = 0; x < probes; ++x) {
     images.push_back(ImageOf(options, matching, x, &errors));
   }
@@ -351,6 +352,26 @@ void Grow(const FirstStageInput& input, const FirstStageOptions& options,
   }
 }
 
+/// Grows a contender and ranks it at its new size.
+void GrowContender(const FirstStageInput& input,
+                   const FirstStageOptions& options, const GrowthEnd& end,
+                   RandomStream random, Contender* contender) {
+  const bool last = end.matches == options.matches;
+  Matching matching =
+      Restore(input, contender->matches, end.matches, options.pinned);
+  Grow(input, options, end, &random, &matching);
+  if (last) {
+    Improve(options, /*temperature=*/0, &random, &matching);
+    if (options.regrow_mirrored) {
+      RegrowMirrored(input, options, &random, &matching);
+    }
+  }
+  Judge(input, options, matching, contender);
+  if (options.max_results > 1 && (last || matching.size() >= kDiverseFrom)) {
+    contender->images = ImagesOfProbes(options, matching);
+  }
+}
+
 }  // namespace
 
 double LandmarkPenalty(double contradicted_fraction) {
@@ -376,22 +397,10 @@ absl::StatusOr<std::vector<RankedMap>> RunFirstStage(
     const bool last = r + 1 == rounds.size();
     const auto grow_one = [&](std::int64_t i) {
       Contender& contender = contenders[i];
-      RandomStream random(options.random_seed,
-                          contender.seed * rounds.size() + r);
-      Matching matching =
-          Restore(input, contender.matches, rounds[r].matches, options.pinned);
-      Grow(input, options, {rounds[r].matches, stop}, &random, &matching);
-      if (last) {
-        Improve(options, /*temperature=*/0, &random, &matching);
-        if (options.regrow_mirrored) {
-          RegrowMirrored(input, options, &random, &matching);
-        }
-      }
-      Judge(input, options, matching, &contender);
-      if (options.max_results > 1 &&
-          (last || matching.size() >= kDiverseFrom)) {
-        contender.images = ImagesOfProbes(options, matching);
-      }
+      const RandomStream random(options.random_seed,
+                                contender.seed * rounds.size() + r);
+      GrowContender(input, options, {rounds[r].matches, stop}, random,
+                    &contender);
       round_progress.OneDone(r);
     };
     ISOMATCH_RETURN_IF_ERROR(ParallelFor(

@@ -21,6 +21,7 @@ Matching::Matching(const PointPool& pool_x, const PointPool& pool_y,
 
 std::vector<PointMatch> Matching::Matches() const {
   std::vector<PointMatch> matches;
+  matches.reserve(static_cast<std::size_t>(size()));
   for (int i = 0; i < size(); ++i) {
     matches.push_back({points_[kX][i], points_[kY][i]});
   }

@@ -81,6 +81,7 @@ std::vector<Seed> GenerateSeeds(const PointPool& pool_x,
   const SeedPoints points_y(pool_y, m);
   std::vector<Seed> seeds = AllSeeds(m, k);
   std::vector<std::pair<float, std::size_t>> order;
+  order.reserve(seeds.size());
   for (std::size_t i = 0; i < seeds.size(); ++i) {
     order.emplace_back(Disagreement(points_x, points_y, seeds[i]), i);
   }
@@ -90,6 +91,7 @@ std::vector<Seed> GenerateSeeds(const PointPool& pool_x,
     order.resize(options.max_seeds);
   }
   std::vector<Seed> best;
+  best.reserve(order.size());
   for (const auto& [disagreement, i] : order) {
     best.push_back(std::move(seeds[i]));
   }

@@ -43,6 +43,7 @@ std::vector<VertexIndex> SpatialOrder(const Positions& positions) {
   }
   std::sort(coded.begin(), coded.end());
   std::vector<VertexIndex> order;
+  order.reserve(coded.size());
   for (const auto& [code, v] : coded) order.push_back(v);
   return order;
 }

@@ -61,6 +61,7 @@ std::vector<float> ConfidenceOf(const ErrorSigns& signs,
   add(signs.residuals, 0, kPerResidual);
   add(signs.offsets, 0, kPerOffset);
   std::vector<float> confidence;
+  confidence.reserve(expected.size());
   for (const double e : expected) {
     confidence.push_back(static_cast<float>(std::exp(-e / kUnit)));
   }

@@ -336,8 +336,8 @@ std::string SerializePreparedShape(const PreparedShape& shape) {
   return absl::StrCat(Magic(), checksum.Take(), payload);
 }
 
-absl::StatusOr<PreparedShape> ParsePreparedShapeHere(absl::string_view bytes,
-                                                     std::stop_token stop) {
+absl::StatusOr<PreparedShape> ParsePreparedShapeHere(
+    absl::string_view bytes, const std::stop_token& stop) {
   ISOMATCH_RETURN_IF_ERROR(CheckAndStrip(&bytes));
   ISOMATCH_ASSIGN_OR_RETURN(Stored stored, ReadStored(bytes));
   ISOMATCH_ASSIGN_OR_RETURN(SplitMesh split,

@@ -35,7 +35,7 @@ struct PreparedShape::Contents {
 };
 
 /// ParsePreparedShape, compiled with this core.
-absl::StatusOr<PreparedShape> ParsePreparedShapeHere(absl::string_view bytes,
-                                                     std::stop_token stop);
+absl::StatusOr<PreparedShape> ParsePreparedShapeHere(
+    absl::string_view bytes, const std::stop_token& stop);
 
 }  // namespace isomatch

@@ -258,7 +258,7 @@ TEST_P(PreparedShapeTest, RefusesBytesThatAreCutOrChanged) {
 TEST_P(PreparedShapeTest, RefusesPartsThatDoNotFit) {
   // Whoever writes the checksum anew gets no further.
   const std::string bytes = SerializePreparedShape(Prepared(x_));
-  const std::size_t begin = bytes.find(" ", bytes.find(" ") + 1) + 1 + 4;
+  const std::size_t begin = bytes.find(' ', bytes.find(' ') + 1) + 1 + 4;
   int refused = 0;
   for (std::size_t at = begin; at + 8 < bytes.size(); at += bytes.size() / 97) {
     std::string hostile = bytes;
