@@ -95,9 +95,8 @@ absl::Status OpenJobs(const std::string& folder, Stores& stores) {
   LogLosses(path, contents);
   stores.last_seen =
       LastSeen(LoadLastSeen(ClockPath(folder)), contents.records);
-  stores.jobs = std::make_unique<MemoryJobStore>(std::move(contents.records),
-                                                 journal.get(), LogJournalError,
-                                                 FirstNumber());
+  stores.jobs = std::make_unique<MemoryJobStore>(
+      contents.records, journal.get(), LogJournalError, FirstNumber());
   stores.journal = std::move(journal);
   return absl::OkStatus();
 }
@@ -107,7 +106,7 @@ absl::Status OpenJobsWithRoom(const std::string& folder, Stores& stores) {
   const std::string prepared = absl::StrCat(folder, "/prepared");
   DirectoryBlobStore::Tidy(absl::StrCat(folder, "/blobs"));
   DirectoryBlobStore::Tidy(prepared);
-  const absl::Status opened = OpenJobs(folder, stores);
+  absl::Status opened = OpenJobs(folder, stores);
   if (!absl::IsResourceExhausted(opened)) return opened;
   Log(LogLevel::kWarning,
       absl::StrCat(opened.message(), "; to make room, deletes what is in ",

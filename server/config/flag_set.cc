@@ -121,7 +121,7 @@ void FlagSet::AddCount(const std::string& name, int& value,
         if (!absl::SimpleAtoi(text, &count)) {
           return WrongValue(name, text, FormatCounts(range));
         }
-        const absl::Status status = CheckCount(name, count, range);
+        absl::Status status = CheckCount(name, count, range);
         if (status.ok()) value = static_cast<int>(count);
         return status;
       });

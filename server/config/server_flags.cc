@@ -133,7 +133,7 @@ std::string DefaultDataDir() {
     const char* value = std::getenv(name);
     return value == nullptr ? "" : value;
   };
-  if (const auto given = variable("STATE_DIRECTORY"); !given.empty()) {
+  if (auto given = variable("STATE_DIRECTORY"); !given.empty()) {
     return given;
   }
   if (const auto state = variable("XDG_STATE_HOME"); !state.empty()) {

@@ -51,7 +51,7 @@ absl::Status MeshUpload::ContinueAt(std::uint64_t offset) {
   kept.reservation.ShrinkTo(begin);
   // Only looked for, so that the client need not send what has no room now:
   // what it says it will send takes no room from others.
-  const absl::Status room =
+  absl::Status room =
       environment_.partials->CheckRoom(key_.tenant, size - begin);
   if (!room.ok()) {
     environment_.partials->Keep(key_, std::move(kept));
@@ -107,7 +107,7 @@ absl::Status MeshUpload::Store() {
   if (found != key_.sha256) return DigestMismatch(key_.sha256, found);
   const auto size = static_cast<std::int64_t>(digest_.size_bytes());
   const std::int64_t most = environment_.limits.tenant.stored_bytes;
-  const absl::Status put = environment_.blobs->PutWithin(
+  absl::Status put = environment_.blobs->PutWithin(
       most, key_, std::move(received_.bytes), Keep::kWhileRoom);
   if (put.ok()) return put;
   if (absl::IsFailedPrecondition(put)) {

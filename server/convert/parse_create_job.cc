@@ -243,7 +243,7 @@ absl::Status ParseMemoryLimit(const v1::MatchOptions& proto,
 
 /// Once the meshes are known.
 absl::Status PlanMemory(const ParseContext& context, JobSpec& spec) {
-  const absl::Status planned = context.runner->PlanMemory(spec);
+  absl::Status planned = context.runner->PlanMemory(spec);
   if (planned.ok()) return planned;
   absl::string_view detail = planned.message();
   absl::ConsumePrefix(&detail, absl::StrCat(kMemoryLimit, ": "));

@@ -154,7 +154,7 @@ absl::Status TryTakingRoom(const std::string& path, std::int64_t bytes) {
   const File file(path, O_CREAT | O_WRONLY | O_TRUNC, S_IRUSR | S_IWUSR);
   if (!file.is_open()) return Refused("create", path);
   errno = bytes > 0 ? posix_fallocate(file.get(), 0, bytes) : 0;
-  const absl::Status taken =
+  absl::Status taken =
       errno == 0 ? absl::OkStatus() : Refused("take room for", path);
   unlink(path.c_str());
   return taken;

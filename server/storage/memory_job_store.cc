@@ -47,7 +47,7 @@ bool Matches(const JobRecord& record, const JobFilter& filter) {
 
 }  // namespace
 
-MemoryJobStore::MemoryJobStore(std::vector<JobRecord> records,
+MemoryJobStore::MemoryJobStore(const std::vector<JobRecord>& records,
                                JobJournal* journal, OnError on_error,
                                std::uint64_t first_number)
     : journal_(journal), on_error_(std::move(on_error)) {

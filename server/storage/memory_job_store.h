@@ -36,7 +36,7 @@ class MemoryJobStore : public JobStore {
   ///
   /// New jobs get numbers from `first_number` on. REQUIRES: it is above the
   /// numbers of jobs that were deleted, so that page tokens keep their place.
-  MemoryJobStore(std::vector<JobRecord> records, JobJournal* journal,
+  MemoryJobStore(const std::vector<JobRecord>& records, JobJournal* journal,
                  OnError on_error, std::uint64_t first_number = 1);
 
   absl::StatusOr<JobRecord> Insert(JobRecord record) override;

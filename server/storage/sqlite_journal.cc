@@ -219,6 +219,12 @@ struct SqliteJournal::Impl {
   /// What the mark says of before and what is in the database differ by.
   void CompareWithMark(Contents& contents);
 
+  /// Of all jobs, into `contents`.
+  void ReadRows(Contents& contents);
+
+  /// New records, and those of jobs that changed.
+  void WriteRows(std::int64_t new_jobs, const std::vector<JobRecord>& records);
+
   /// After a commit.
   void SetMark();
 
@@ -237,6 +243,34 @@ absl::Status SqliteJournal::Impl::OpenDatabase() {
   return Guarded(path, [this] {
     database = std::make_unique<Database>(path);
     return database->Prepare(path);
+  });
+}
+
+void SqliteJournal::Impl::ReadRows(Contents& contents) {
+  SQLite::Statement rows(
+      database->database(),
+      "SELECT id, record, checksum FROM jobs ORDER BY number");
+  while (rows.executeStep()) {
+    const std::string id = rows.getColumn(0).getString();
+    ids.insert(id);
+    auto record = ReadRecord(rows, id);
+    if (record.ok()) {
+      contents.records.push_back(*std::move(record));
+    } else {
+      contents.unreadable.push_back(id);
+    }
+  }
+  state = database->state();
+}
+
+void SqliteJournal::Impl::WriteRows(std::int64_t new_jobs,
+                                    const std::vector<JobRecord>& records) {
+  database->Commit(new_jobs, [&](SQLite::Statement& write, SQLite::Statement&) {
+    for (const JobRecord& record : records) {
+      write.tryReset();
+      BindRecord(record, write);
+      write.exec();
+    }
   });
 }
 
@@ -264,20 +298,7 @@ SqliteJournal::~SqliteJournal() = default;
 absl::StatusOr<SqliteJournal::Contents> SqliteJournal::Load() {
   Contents contents;
   ISOMATCH_RETURN_IF_ERROR(Guarded(impl_->path, [&] {
-    SQLite::Statement rows(
-        impl_->database->database(),
-        "SELECT id, record, checksum FROM jobs ORDER BY number");
-    while (rows.executeStep()) {
-      const std::string id = rows.getColumn(0).getString();
-      impl_->ids.insert(id);
-      auto record = ReadRecord(rows, id);
-      if (record.ok()) {
-        contents.records.push_back(*std::move(record));
-      } else {
-        contents.unreadable.push_back(id);
-      }
-    }
-    impl_->state = impl_->database->state();
+    impl_->ReadRows(contents);
     return absl::OkStatus();
   }));
   impl_->CompareWithMark(contents);
@@ -300,14 +321,7 @@ absl::Status SqliteJournal::Write(const std::vector<JobRecord>& records) {
       records.begin(), records.end(),
       [&](const JobRecord& job) { return impl_->ids.count(job.id) == 0; });
   ISOMATCH_RETURN_IF_ERROR(Guarded(impl_->path, [&] {
-    impl_->database->Commit(new_jobs,
-                            [&](SQLite::Statement& write, SQLite::Statement&) {
-                              for (const JobRecord& record : records) {
-                                write.tryReset();
-                                BindRecord(record, write);
-                                write.exec();
-                              }
-                            });
+    impl_->WriteRows(new_jobs, records);
     return absl::OkStatus();
   }));
   for (const JobRecord& record : records) impl_->ids.insert(record.id);

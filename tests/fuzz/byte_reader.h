@@ -35,7 +35,7 @@ class ByteReader {
 
   /// Up to `size` bytes.
   std::string Text(std::size_t size) {
-    const std::string text(left_.substr(0, size));
+    std::string text(left_.substr(0, size));
     left_.remove_prefix(text.size());
     return text;
   }

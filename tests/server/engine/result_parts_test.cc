@@ -20,6 +20,7 @@ const std::string kZero(8, '\0');
 
 std::vector<ResultPart> Kinds(const std::vector<EncodedPart>& parts) {
   std::vector<ResultPart> kinds;
+  kinds.reserve(parts.size());
   for (const EncodedPart& part : parts) kinds.push_back(part.part);
   return kinds;
 }
