@@ -22,7 +22,7 @@ sigset_t StopSignals() {
 
 // The first signal asks the command to stop; a second one, or the end of the
 // grace, ends the process. Files are written whole or not at all either way.
-void WatchSignals(std::stop_source stop) {
+void WatchSignals(std::stop_source stop) {  // NOLINT: the thread has its own
   const sigset_t signals = StopSignals();
   int signal = 0;
   sigwait(&signals, &signal);

@@ -188,10 +188,9 @@ absl::StatusOr<v1::Job> IsomatchClient::Create(const MatchRequest& request,
   message.set_disconnect_policy(policy);
   if (is_inline) return SendCreateJob(message, stop);
   const auto upload_and_send = [&]() -> absl::StatusOr<v1::Job> {
-    for (const EncodedMesh* mesh : {&meshes.x, &meshes.y}) {
-      ISOMATCH_RETURN_IF_ERROR(
-          Upload(mesh->bytes, limits.max_chunk_bytes(), stop));
-    }
+    const std::uint64_t chunk = limits.max_chunk_bytes();
+    ISOMATCH_RETURN_IF_ERROR(Upload(meshes.x.bytes, chunk, stop));
+    ISOMATCH_RETURN_IF_ERROR(Upload(meshes.y.bytes, chunk, stop));
     return SendCreateJob(message, stop);
   };
   absl::StatusOr<v1::Job> job = upload_and_send();

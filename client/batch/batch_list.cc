@@ -36,7 +36,7 @@ bool IsFile(const fs::path& path) {
 std::string FindMesh(const fs::path& path) {
   if (IsFile(path)) return path.string();
   for (const char* extension : kExtensions) {
-    const std::string candidate = path.string() + extension;
+    std::string candidate = path.string() + extension;
     if (IsFile(candidate)) return candidate;
   }
   return "";
@@ -67,13 +67,12 @@ std::optional<std::vector<std::string>> SplitPaths(absl::string_view line) {
       is_quoted = !is_quoted;
       if (is_quoted) path = std::string(absl::StripAsciiWhitespace(path));
       was_quoted = true;
-    } else if (is_quoted) {
-      path += c;
-    } else if (c == '#') {
+    } else if (!is_quoted && c == '#') {
       break;
-    } else if (c == '\t' || c == '\r' || (c == ' ' && !has_tabs)) {
+    } else if (!is_quoted &&
+               (c == '\t' || c == '\r' || (c == ' ' && !has_tabs))) {
       end();
-    } else if (c != ' ' || !was_quoted) {
+    } else if (is_quoted || c != ' ' || !was_quoted) {
       path += c;
     }
   }

@@ -89,6 +89,7 @@ std::vector<BatchRow> BatchRunner::Run(const std::vector<BatchPair>& pairs,
   progress_.total = static_cast<int>(pairs.size());
   {
     std::vector<std::jthread> threads;
+    threads.reserve(static_cast<std::size_t>(options_.parallel));
     for (int i = 0; i < options_.parallel; ++i) {
       threads.emplace_back([&] { RunLoop(pairs, stop); });
     }

@@ -80,6 +80,24 @@ absl::StatusOr<InspectionReport> Inspect(
   return report;
 }
 
+/// Inspects one mesh: its text is printed, or its JSON added to `meshes`, to
+/// which a file that cannot be read is added too.
+absl::Status InspectOne(const std::string& path,
+                        const InspectArguments& arguments,
+                        const v1::GetServerInfoResponse& server,
+                        const Terminal& terminal, Json& meshes) {
+  const absl::StatusOr<InspectionReport> report =
+      Inspect(path, arguments.weld, server);
+  if (!report.ok()) {
+    meshes.push_back(
+        {{"path", path}, {"error", std::string(report.status().message())}});
+    return report.status();
+  }
+  if (!arguments.json) return Print(FormatInspection(*report), terminal);
+  meshes.push_back(InspectionJson(*report));
+  return absl::OkStatus();
+}
+
 absl::Status RunInspect(const InspectArguments& arguments,
                         const Terminal& terminal) {
   ISOMATCH_ASSIGN_OR_RETURN(const v1::GetServerInfoResponse server,
@@ -90,21 +108,14 @@ absl::Status RunInspect(const InspectArguments& arguments,
     if (terminal.stop.stop_requested()) {
       return absl::CancelledError("interrupted");
     }
-    const absl::StatusOr<InspectionReport> report =
-        Inspect(path, arguments.weld, server);
-    if (!report.ok()) {
-      // The last one is told by whoever called.
-      if (!worst.ok()) {
-        terminal.err << "isomatch: " << worst.message() << std::endl;
-      }
-      worst = report.status();
-      meshes.push_back(
-          {{"path", path}, {"error", std::string(worst.message())}});
-    } else if (arguments.json) {
-      meshes.push_back(InspectionJson(*report));
-    } else {
-      ISOMATCH_RETURN_IF_ERROR(Print(FormatInspection(*report), terminal));
+    absl::Status inspected =
+        InspectOne(path, arguments, server, terminal, meshes);
+    if (inspected.ok()) continue;
+    // The last one is told by whoever called.
+    if (!worst.ok()) {
+      terminal.err << "isomatch: " << worst.message() << std::endl;
     }
+    worst = std::move(inspected);
   }
   if (arguments.json) {
     ISOMATCH_RETURN_IF_ERROR(

@@ -60,9 +60,11 @@ class VertexGrid {
   void VisitAround(VertexIndex v, const Visitor& visit) const {
     const Cell middle = CellOf(v);
     for (int i = 0; i < 27; ++i) {
+      const int column = i % 3 - 1;
+      const int row = i / 3 % 3 - 1;
+      const int layer = i / 9 - 1;
       const auto cell =
-          cells_.find({middle[0] + i % 3 - 1, middle[1] + i / 3 % 3 - 1,
-                       middle[2] + i / 9 - 1});
+          cells_.find({middle[0] + column, middle[1] + row, middle[2] + layer});
       if (cell == cells_.end()) continue;
       for (const VertexIndex w : cell->second) {
         const double squared =

@@ -104,7 +104,7 @@ absl::StatusOr<NpyHeader> ParseHeader(const std::string& path,
   if (bytes.size() < kMinBytes || !absl::StartsWith(bytes, kMagic)) {
     return ByteError(path, 0, "expected a NumPy file, which begins \\x93NUMPY");
   }
-  const int version = bytes[6];
+  const int version = static_cast<unsigned char>(bytes[6]);
   if (version < 1 || version > 3) {
     return ByteError(path, 6,
                      absl::StrCat("the file's version is ", version,

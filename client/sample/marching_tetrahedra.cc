@@ -70,10 +70,9 @@ class Grid {
     return values_[static_cast<std::size_t>(node)];
   }
   Vector3d PositionOf(std::int64_t node) const {
-    const Vector3d at(static_cast<double>(node % size_[0]),
-                      static_cast<double>(node / size_[0] % size_[1]),
-                      static_cast<double>(node / size_[0] / size_[1]));
-    return turn_ * (first_ + step_ * at);
+    const std::int64_t row = node / size_[0];
+    const Cell at(node % size_[0], row % size_[1], row / size_[1]);
+    return turn_ * (first_ + step_ * at.cast<double>());
   }
 
  private:

@@ -50,7 +50,8 @@ std::vector<int> Edges(const EditableMesh& mesh) {
 
 class Remesher {
  public:
-  Remesher(const AnimalBody& body, RandomStream& random, TriangleMesh start)
+  Remesher(const AnimalBody& body, RandomStream& random,
+           const TriangleMesh& start)
       : body_(body), random_(random), mesh_(start) {
     Move([&](int v) { return body_.Project(mesh_.Point(v), 3); });
   }
