@@ -120,6 +120,11 @@ struct JobEnvironment {
     return retention_clock == nullptr ? now() : retention_clock->Now();
   }
 
+  /// The time that the age of what ends now counts from.
+  absl::Time LatestTime() const {
+    return retention_clock == nullptr ? now() : retention_clock->Latest();
+  }
+
   /// A new process would have all the jobs.
   bool may_give_up() const { return limits.durable && on_give_up != nullptr; }
 };

@@ -47,6 +47,7 @@ absl::StatusOr<JobRecord> JobLifecycle::Find(const Caller& caller,
 
 absl::StatusOr<JobRecord> JobLifecycle::Move(const std::string& id, JobState to,
                                              const Edit& edit) {
+  const absl::Time latest = environment_.LatestTime();
   ISOMATCH_ASSIGN_OR_RETURN(JobRecord moved,
                             Replace(id, [&](JobRecord& record) {
                               if (!CanMove(record.state, to))
@@ -56,6 +57,7 @@ absl::StatusOr<JobRecord> JobLifecycle::Move(const std::string& id, JobState to,
                               if (IsTerminal(to)) {
                                 record.end_time = environment_.now();
                                 record.end_steady = environment_.uptime();
+                                record.aged_from = latest;
                               }
                               if (to == JobState::kQueued) Rewind(record);
                               return absl::OkStatus();

@@ -52,7 +52,7 @@ std::string RetentionClock::Look(const Reading& now) {
   return say;
 }
 
-absl::Time RetentionClock::Now() {
+RetentionClock::Bounds RetentionClock::LookNow() {
   const Reading now = Read();
   std::string say;
   bool is_believed = false;
@@ -68,7 +68,7 @@ absl::Time RetentionClock::Now() {
   }
   if (!say.empty()) environment_.on_change(is_believed, say);
   if (save) environment_.save(believed);
-  return std::min(now.wall, believed);
+  return {std::min(now.wall, believed), std::max(now.wall, believed)};
 }
 
 }  // namespace isomatch

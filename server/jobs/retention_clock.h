@@ -41,13 +41,24 @@ class RetentionClock {
   RetentionClock(Environment environment, std::optional<absl::Time> last_seen);
 
   /// Looks at the clocks. Never later than the wall clock.
-  absl::Time Now();
+  absl::Time Now() { return LookNow().earliest; }
+
+  /// Looks at the clocks. Never earlier than the wall clock: the age of what
+  /// begins now counts from then, or a clock that is put right makes it old.
+  absl::Time Latest() { return LookNow().latest; }
 
  private:
   struct Reading {
     absl::Time wall;
     absl::Duration steady;
   };
+  /// Between what it may be now.
+  struct Bounds {
+    absl::Time earliest;
+    absl::Time latest;
+  };
+  Bounds LookNow();
+
   Reading Read() const { return {environment_.now(), environment_.steady()}; }
 
   /// What there is to say, if anything.

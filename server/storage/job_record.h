@@ -118,6 +118,9 @@ struct JobRecord {
   /// The same by a clock that is never set, if it ended in this process; not
   /// kept on disk.
   absl::Duration end_steady = -absl::InfiniteDuration();
+  /// What its age counts from, if it ended: end_time, or later when the clock
+  /// was not believed then. Past in records of before there was this.
+  absl::Time aged_from = absl::InfinitePast();
   std::map<std::string, std::string> labels;
   /// Empty for none; otherwise no other job of the tenant has it.
   std::string request_id;

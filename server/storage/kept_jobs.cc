@@ -19,8 +19,9 @@ std::int64_t ResultBytesOf(const JobRecord& record) {
 void KeptJobs::Add(const JobRecord& record) {
   const std::int64_t bytes = ResultBytesOf(record);
   Group& group = groups_[{record.result.has_value(), record.tenant}];
-  group.jobs[record.sequence] = {record.id, record.end_time, record.end_steady,
-                                 bytes};
+  group.jobs[record.sequence] = {record.id,
+                                 std::max(record.end_time, record.aged_from),
+                                 record.end_steady, bytes};
   group.result_bytes += bytes;
 }
 
@@ -82,7 +83,7 @@ class KeptJobs::Selection {
   };
 
   bool IsTooOld(const Job& job) const {
-    return job.end_time < limits_.ended_before &&
+    return job.aged_from < limits_.ended_before &&
            job.end_steady < limits_.ended_before_steady;
   }
 

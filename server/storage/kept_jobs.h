@@ -37,7 +37,7 @@ class KeptJobs {
  private:
   struct Job {
     std::string id;
-    absl::Time end_time;
+    absl::Time aged_from;
     absl::Duration end_steady;
     std::int64_t result_bytes;
   };

@@ -400,6 +400,27 @@ TEST_F(JobStorageTest, AJobThatEndedAtAWrongTimeIsAsOldAsTheProcessSaw) {
   EXPECT_EQ(StateOf(id), "GONE");
 }
 
+TEST_F(JobStorageTest, AJobThatEndedWhileTheClockWasBehindIsNoOlderForThat) {
+  SetClock(now_);
+  Begin({.job_retention = kWeek});
+  manager_->Begin();
+  now_ -= 4 * kWeek;
+  const std::string id = Create();
+  EXPECT_TRUE(workers_.RunNext());
+  now_ += 4 * kWeek;  // put right
+  workers_.Clear();
+  timers_.Clear();
+  steady_ += 2 * kWeek;  // another process: it says nothing of the last one's
+  SetClock(now_);
+  Begin({.job_retention = kWeek, .durable = true});
+  manager_->Begin();
+  EXPECT_EQ(StateOf(id), "SUCCEEDED");
+  Pass(kWeek);
+  EXPECT_EQ(StateOf(id), "SUCCEEDED");
+  Pass(absl::Minutes(1));
+  EXPECT_EQ(StateOf(id), "GONE");
+}
+
 TEST_F(JobStorageTest, AQueueTimeoutGoesByTheTimeThatIsBelieved) {
   JobSpec spec = Needing(1);
   spec.queue_timeout = absl::Hours(2);

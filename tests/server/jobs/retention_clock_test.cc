@@ -106,9 +106,21 @@ TEST_F(RetentionClockTest, OneThatJumpsWhileTheServerRunsIsNotBelieved) {
   Pass(absl::Minutes(1));
   wall_ += absl::Hours(24 * 8);
   EXPECT_EQ(clock.Now(), begin + absl::Minutes(1));
+  EXPECT_EQ(clock.Latest(), wall_);
   Pass(RetentionClock::kGrace);
   EXPECT_EQ(clock.Now(), wall_);
+  EXPECT_EQ(clock.Latest(), wall_);
   EXPECT_THAT(told_, ElementsAre(false, true));
+}
+
+TEST_F(RetentionClockTest,
+       WhatEndsWhileTheClockIsBehindAgesFromWhatIsBelieved) {
+  RetentionClock clock = Start(std::nullopt);
+  const absl::Time begin = wall_;
+  Pass(absl::Minutes(1));
+  wall_ -= absl::Hours(24 * 30);
+  EXPECT_EQ(clock.Latest(), begin + absl::Minutes(1));
+  EXPECT_EQ(clock.Now(), wall_);
 }
 
 }  // namespace

@@ -44,6 +44,7 @@ JobRecord FullRecord() {
   record.create_time = absl::FromUnixNanos(1'700'000'000'123'456'789);
   record.start_time = record.create_time + absl::Seconds(1);
   record.end_time = record.create_time + absl::Seconds(2);
+  record.aged_from = record.create_time + absl::Hours(2);
   record.labels = {{"key", "value"}};
   record.request_id = "request";
   record.call_id = "call";
@@ -70,6 +71,7 @@ TEST(JobRecordCodecTest, EveryMemberComesBack) {
   EXPECT_EQ(decoded->result->parts[1].bytes, 8);
   EXPECT_EQ(decoded->result->info, FullRecord().result->info);
   EXPECT_EQ(decoded->create_time, FullRecord().create_time);
+  EXPECT_EQ(decoded->aged_from, FullRecord().aged_from);
   EXPECT_EQ(decoded->queue_timeout, absl::Milliseconds(1500));
 }
 
