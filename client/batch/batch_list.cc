@@ -67,14 +67,17 @@ std::optional<std::vector<std::string>> SplitPaths(absl::string_view line) {
       is_quoted = !is_quoted;
       if (is_quoted) path = std::string(absl::StripAsciiWhitespace(path));
       was_quoted = true;
-    } else if (!is_quoted && c == '#') {
-      break;
-    } else if (!is_quoted &&
-               (c == '\t' || c == '\r' || (c == ' ' && !has_tabs))) {
-      end();
-    } else if (is_quoted || c != ' ' || !was_quoted) {
-      path += c;
+      continue;
     }
+    if (!is_quoted) {
+      if (c == '#') break;
+      if (c == '\t' || c == '\r' || (c == ' ' && !has_tabs)) {
+        end();
+        continue;
+      }
+      if (c == ' ' && was_quoted) continue;
+    }
+    path += c;
   }
   if (is_quoted) return std::nullopt;
   end();

@@ -80,21 +80,11 @@ absl::StatusOr<InspectionReport> Inspect(
   return report;
 }
 
-/// Inspects one mesh: its text is printed, or its JSON added to `meshes`, to
-/// which a file that cannot be read is added too.
-absl::Status InspectOne(const std::string& path,
-                        const InspectArguments& arguments,
-                        const v1::GetServerInfoResponse& server,
-                        const Terminal& terminal, Json& meshes) {
-  const absl::StatusOr<InspectionReport> report =
-      Inspect(path, arguments.weld, server);
-  if (!report.ok()) {
-    meshes.push_back(
-        {{"path", path}, {"error", std::string(report.status().message())}});
-    return report.status();
-  }
-  if (!arguments.json) return Print(FormatInspection(*report), terminal);
-  meshes.push_back(InspectionJson(*report));
+/// Prints the text of an inspection, or adds its JSON to `meshes`.
+absl::Status Show(const InspectionReport& report, bool as_json,
+                  const Terminal& terminal, Json& meshes) {
+  if (!as_json) return Print(FormatInspection(report), terminal);
+  meshes.push_back(InspectionJson(report));
   return absl::OkStatus();
 }
 
@@ -108,14 +98,18 @@ absl::Status RunInspect(const InspectArguments& arguments,
     if (terminal.stop.stop_requested()) {
       return absl::CancelledError("interrupted");
     }
-    absl::Status inspected =
-        InspectOne(path, arguments, server, terminal, meshes);
-    if (inspected.ok()) continue;
+    const absl::StatusOr<InspectionReport> report =
+        Inspect(path, arguments.weld, server);
+    if (report.ok()) {
+      ISOMATCH_RETURN_IF_ERROR(Show(*report, arguments.json, terminal, meshes));
+      continue;
+    }
     // The last one is told by whoever called.
     if (!worst.ok()) {
       terminal.err << "isomatch: " << worst.message() << std::endl;
     }
-    worst = std::move(inspected);
+    worst = report.status();
+    meshes.push_back({{"path", path}, {"error", std::string(worst.message())}});
   }
   if (arguments.json) {
     ISOMATCH_RETURN_IF_ERROR(

@@ -1,3 +1,6 @@
+#include <array>
+#include <ostream>
+#include <sstream>
 #include <string>
 #include <vector>
 
@@ -71,6 +74,16 @@ TEST_F(InspectCommandTest, AServerThatDoesNotAnswerIsNamed) {
   EXPECT_EQ(outcome.status, kExitFailure);
   EXPECT_THAT(outcome.err, AllOf(HasSubstr("--server unix:"),
                                  HasSubstr("there is no such socket")));
+}
+
+TEST_F(InspectCommandTest, OutputThatCannotBeWrittenIsToldOnce) {
+  std::ostream out(nullptr);
+  std::ostringstream err;
+  const std::array<const char*, 4> argv = {"isomatch", "inspect",
+                                           sphere_.c_str(), torus_.c_str()};
+  EXPECT_EQ(RunCommandLine(argv.size(), argv.data(), {out, err, false, {}}),
+            kExitFailure);
+  EXPECT_EQ(err.str(), "isomatch: standard output cannot be written\n");
 }
 
 TEST_F(InspectCommandTest, HelpHasExamples) {

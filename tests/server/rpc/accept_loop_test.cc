@@ -173,8 +173,9 @@ TEST(RefusalsTest, AnEpisodeHasALineAtItsBeginAndOneAtItsEnd) {
   EXPECT_EQ(refusals.total(), 1000);
   const std::string log = testing::internal::GetCapturedStdout();
   EXPECT_EQ(std::count(log.begin(), log.end(), '\n'), 2) << log;
-  EXPECT_THAT(log, AllOf(HasSubstr("new connections are refused: one address"),
-                         HasSubstr("no longer refused; 1000 were: one address")));
+  EXPECT_THAT(log,
+              AllOf(HasSubstr("new connections are refused: one address"),
+                    HasSubstr("no longer refused; 1000 were: one address")));
 }
 
 }  // namespace
