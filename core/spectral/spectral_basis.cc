@@ -25,7 +25,12 @@ constexpr double kShift = 0.01;
 /// a looser one stops before rounding has brought out all copies of the
 /// repeated eigenvalues of symmetric shapes.
 constexpr double kTolerance = 1e-10;
-constexpr int kMaxRestarts = 100;
+/// Bodies and animals take 2.
+constexpr int kMaxRestarts = 20;
+/// The same error where that many do not suffice: eigenvalues accumulate below
+/// the last that is wanted, as those of many like pieces that hang together by
+/// little do, and what lies closer than this need not be told apart.
+constexpr double kCoarseTolerance = 1e-4;
 
 /// M^-1/2 L M^-1/2.
 Eigen::SparseMatrix<double> Normalized(const CotanLaplacian& laplacian) {
@@ -63,6 +68,33 @@ class ShiftedInverse {
   Eigen::SimplicialLLT<Eigen::SparseMatrix<double>> cholesky_;
 };
 
+/// Tells what it has found so far, too.
+class LanczosSolver : public Spectra::SymEigsShiftSolver<ShiftedInverse> {
+ public:
+  LanczosSolver(ShiftedInverse& inverse, int count, int subspace, double shift)
+      : SymEigsShiftSolver(inverse, count, subspace, -shift), shift_(shift) {}
+
+  /// The lowest `count` Ritz pairs of the subspace as it is; false where one of
+  /// them is off by more than `tolerance`.
+  bool RitzPairs(int count, double tolerance, SpectralBasis* basis) const {
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> ritz(m_fac.matrix_H());
+    if (ritz.info() != Eigen::Success) return false;
+    // Of the inverse: the largest are the lowest.
+    const Eigen::ArrayXd values = ritz.eigenvalues().tail(count).reverse();
+    const Eigen::MatrixXd vectors =
+        ritz.eigenvectors().rightCols(count).rowwise().reverse();
+    const Eigen::ArrayXd residuals =
+        vectors.bottomRows(1).transpose().cwiseAbs() * m_fac.f_norm();
+    if (!(residuals <= tolerance * values).all()) return false;
+    basis->eigenvalues = values.inverse() - shift_;
+    basis->functions = m_fac.matrix_V() * vectors;
+    return true;
+  }
+
+ private:
+  double shift_;
+};
+
 absl::Status SolveDense(const Eigen::SparseMatrix<double>& matrix, int count,
                         SpectralBasis* basis) {
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver{
@@ -89,8 +121,7 @@ absl::Status SolveLanczos(const Eigen::SparseMatrix<double>& matrix,
   // rounding has brought out all copies of a sphere's eigenvalues.
   const int subspace =
       std::min<int>(LanczosSubspace(count), static_cast<int>(matrix.rows()));
-  Spectra::SymEigsShiftSolver<ShiftedInverse> solver(inverse, count, subspace,
-                                                     -shift);
+  LanczosSolver solver(inverse, count, subspace, shift);
   try {
     solver.init();
     solver.compute(Spectra::SortRule::LargestMagn, kMaxRestarts, kTolerance,
@@ -102,13 +133,14 @@ absl::Status SolveLanczos(const Eigen::SparseMatrix<double>& matrix,
   } catch (const std::exception& error) {
     return absl::InternalError(absl::StrCat("Lanczos: ", error.what()));
   }
-  if (solver.info() != Spectra::CompInfo::Successful) {
+  if (solver.info() == Spectra::CompInfo::Successful) {
+    basis->eigenvalues = solver.eigenvalues();
+    basis->functions = solver.eigenvectors();
+  } else if (!solver.RitzPairs(count, kCoarseTolerance, basis)) {
     return absl::InternalError(absl::StrCat(
         "Lanczos found fewer than ", count, " eigenpairs on ", matrix.rows(),
         " vertices after ", kMaxRestarts, " restarts"));
   }
-  basis->eigenvalues = solver.eigenvalues();
-  basis->functions = solver.eigenvectors();
   return absl::OkStatus();
 }
 
