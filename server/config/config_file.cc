@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <optional>
+#include <sstream>
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
@@ -22,15 +23,11 @@ absl::Status WrongLine(const toml::source_region& place,
 /// As a flag has it on the command line; none for what flags cannot be.
 std::optional<std::string> TextOf(const toml::node& node) {
   if (const auto* text = node.as_string()) return text->get();
-  if (const auto* number = node.as_integer())
-    return absl::StrCat(number->get());
-  if (const auto* number = node.as_floating_point()) {
-    return absl::StrCat(number->get());
-  }
-  if (const auto* truth = node.as_boolean()) {
-    return truth->get() ? "true" : "false";
-  }
-  return std::nullopt;
+  if (!node.is_number() && !node.is_boolean()) return std::nullopt;
+  // Its own formatter prints what it can read again, all digits of it.
+  std::ostringstream value;
+  value << toml::toml_formatter(node, toml::format_flags::none);
+  return value.str();
 }
 
 }  // namespace
@@ -66,12 +63,10 @@ absl::StatusOr<std::vector<ConfigEntry>> ReadConfigFile(std::istream& file) {
 }
 
 std::string QuoteConfigValue(const std::string& text) {
-  std::string quoted = "\"";
-  for (const char c : text) {
-    if (c == '"' || c == '\\') quoted += '\\';
-    quoted += c;
-  }
-  return absl::StrCat(quoted, "\"");
+  const toml::value<std::string> value(text);
+  std::ostringstream quoted;
+  quoted << toml::toml_formatter(value, toml::format_flags::none);
+  return quoted.str();
 }
 
 }  // namespace isomatch

@@ -39,6 +39,8 @@ TEST(ConfigFileTest, ValuesMayBeQuotedAndFollowedByAComment) {
   EXPECT_EQ(Value("true # comment"), "true");
   EXPECT_EQ(Value("-100 # comment"), "-100");
   EXPECT_EQ(Value("0.5"), "0.5");
+  EXPECT_EQ(Value("1234567.5"), "1234567.5");
+  EXPECT_EQ(Value("0x10"), "16");
   EXPECT_EQ(Value(R"("two words # and this" # comment)"),
             "two words # and this");
   EXPECT_EQ(Value(R"('a\b "c"')"), R"(a\b "c")");
@@ -47,7 +49,8 @@ TEST(ConfigFileTest, ValuesMayBeQuotedAndFollowedByAComment) {
 }
 
 TEST(ConfigFileTest, QuotedValuesAreReadBack) {
-  for (const char* text : {"", "a", "a b", "#", "'", "\"", "\\", "\\\"'#= ü"}) {
+  for (const char* text : {"", "a", "a b", "#", "'", "\"", "\\", "\\\"'#= ü",
+                           "\n\t", "\r\x01\x7f"}) {
     EXPECT_EQ(Value(QuoteConfigValue(text)), text);
   }
 }
