@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "client/files/text_file.h"
 #include "core/base/status_macros.h"
+#include "core/mesh/mesh_geometry.h"
 
 namespace isomatch {
 namespace {
@@ -44,10 +45,7 @@ absl::StatusOr<std::vector<NamedVertex>> ReadNamedVertices(
     const std::string& path, const TriangleMesh& mesh) {
   ISOMATCH_ASSIGN_OR_RETURN(const std::string text,
                             ReadFile(path, kLandmarkLines));
-  std::vector<bool> is_on_face(static_cast<std::size_t>(mesh.num_vertices()));
-  for (const VertexIndex corner : mesh.faces.reshaped()) {
-    is_on_face[static_cast<std::size_t>(corner)] = true;
-  }
+  const std::vector<bool> is_on_face = VerticesOnFaces(mesh);
   std::vector<NamedVertex> vertices;
   for (LineCursor rows = {text}; rows.Next();) {
     ISOMATCH_ASSIGN_OR_RETURN(

@@ -22,9 +22,6 @@
 namespace isomatch {
 namespace {
 
-// As a fraction of the mean edge length: coordinates rounded more coarsely than
-// this disturb a match.
-constexpr double kCoarseRounding = 0.01;
 // Area over squared diagonal of the bounding box: a sphere has 1, a rod a
 // hundred times longer than thick 0.03.
 constexpr double kThinArea = 0.003;
@@ -130,10 +127,7 @@ VertexIndex CountFlatFaces(const TriangleMesh& mesh) {
 
 void InspectVertices(const TriangleMesh& mesh, const CleanMesh& clean,
                      MeshInspection* found) {
-  std::vector<bool> is_on_face(static_cast<std::size_t>(mesh.num_vertices()));
-  for (const VertexIndex corner : mesh.faces.reshaped()) {
-    is_on_face[static_cast<std::size_t>(corner)] = true;
-  }
+  const std::vector<bool> is_on_face = VerticesOnFaces(mesh);
   VertexIndex kept = 0;
   for (std::size_t v = 0; v < is_on_face.size(); ++v) {
     found->isolated_vertices += !is_on_face[v];
@@ -205,20 +199,15 @@ bool HasOnlyFloats(const TriangleMesh& mesh) {
       .all();
 }
 
-void WarnOfRounding(const TriangleMesh& mesh, const MeshInspection& found,
+void WarnOfRounding(const TriangleMesh& mesh,
                     std::vector<std::string>* warnings) {
-  const double farthest = std::max(found.box_low.cwiseAbs().maxCoeff(),
-                                   found.box_high.cwiseAbs().maxCoeff());
-  if (std::ldexp(farthest, -24) <= kCoarseRounding * found.mean_edge ||
-      !HasOnlyFloats(mesh)) {
-    return;
-  }
+  const SingleRounding rounding = RoundingInSinglePrecision(mesh);
+  if (!rounding.is_coarse() || !HasOnlyFloats(mesh)) return;
   warnings->push_back(absl::StrFormat(
       "the mesh lies %.3g away from the origin, and all its coordinates are of "
       "single precision, as STL and most PLY have them: they were rounded "
-      "there "
-      "by more than a hundredth of an edge (%.3g)",
-      farthest, found.mean_edge));
+      "there by more than a hundredth of an edge (%.3g)",
+      rounding.farthest, rounding.mean_edge));
 }
 
 // Warnings about faces and their extent.
@@ -303,7 +292,7 @@ MeshInspection InspectMesh(const TriangleMesh& mesh) {
   InspectTurn(clean, AsInFile(sent, clean, &found), &found);
   WarnOfComponents(found, &found.warnings);
   WarnOfGeometry(found, &found.warnings);
-  WarnOfRounding(mesh, found, &found.warnings);
+  WarnOfRounding(mesh, &found.warnings);
   return found;
 }
 

@@ -2,6 +2,8 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <cmath>
+#include <cstddef>
 
 namespace isomatch {
 namespace {
@@ -76,6 +78,26 @@ double MeanEdgeLength(const TriangleMesh& mesh) {
     }
   }
   return mesh.num_faces() > 0 ? sum / (3.0 * mesh.num_faces()) : 0;
+}
+
+std::vector<bool> VerticesOnFaces(const TriangleMesh& mesh) {
+  std::vector<bool> is_on_face(static_cast<std::size_t>(mesh.num_vertices()));
+  for (const VertexIndex corner : mesh.faces.reshaped()) {
+    is_on_face[static_cast<std::size_t>(corner)] = true;
+  }
+  return is_on_face;
+}
+
+SingleRounding RoundingInSinglePrecision(const TriangleMesh& mesh) {
+  constexpr int kBits = 24;
+  SingleRounding rounding;
+  for (const VertexIndex corner : mesh.faces.reshaped()) {
+    rounding.farthest = std::max(
+        rounding.farthest, mesh.positions.row(corner).cwiseAbs().maxCoeff());
+  }
+  rounding.most = std::ldexp(rounding.farthest, -kBits);
+  rounding.mean_edge = MeanEdgeLength(mesh);
+  return rounding;
 }
 
 }  // namespace isomatch

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <vector>
+
 #include <Eigen/Core>
 
 #include "core/mesh/triangle_mesh.h"
@@ -36,5 +38,19 @@ double SignedVolume6(const TriangleMesh& mesh, VertexIndex face,
 /// Mean length over the edges of all faces (an edge of two faces counts
 /// twice), mesh units. 0 without faces.
 double MeanEdgeLength(const TriangleMesh& mesh);
+
+/// Which vertices are a face's.
+std::vector<bool> VerticesOnFaces(const TriangleMesh& mesh);
+
+/// What coordinates of single precision do to a mesh far from the origin.
+struct SingleRounding {
+  double farthest = 0;   ///< largest magnitude of a coordinate on a face
+  double most = 0;       ///< that such a coordinate is rounded by
+  double mean_edge = 0;  ///< mesh units, as all of them
+
+  /// The shape has suffered.
+  bool is_coarse() const { return most > 0.01 * mean_edge; }
+};
+SingleRounding RoundingInSinglePrecision(const TriangleMesh& mesh);
 
 }  // namespace isomatch

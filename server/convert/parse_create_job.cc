@@ -1,7 +1,6 @@
 #include "server/convert/parse_create_job.h"
 
 #include <algorithm>
-#include <cmath>
 #include <cstdint>
 #include <limits>
 #include <optional>
@@ -102,22 +101,13 @@ void WarnOfDracosOrder(v1::VertexOrder order, const std::string& field,
 /// has rounded the mesh's shape, as far from the origin.
 void WarnOfRounding(const TriangleMesh& mesh, const std::string& field,
                     JobSpec& spec) {
-  constexpr int kBits = 24;
-  constexpr double kCoarse = 0.01;  // of an edge
-  double farthest = 0;
-  for (Eigen::Index i = 0; i < mesh.faces.size(); ++i) {
-    const auto corner = mesh.positions.row(mesh.faces.data()[i]);
-    farthest = std::max(farthest, corner.cwiseAbs().maxCoeff());
-  }
-  const double rounding = std::ldexp(farthest, -kBits);
-  const double edge = MeanEdgeLength(mesh);
-  if (!(rounding > kCoarse * edge)) return;
+  const SingleRounding rounding = RoundingInSinglePrecision(mesh);
+  if (!rounding.is_coarse()) return;
   spec.warnings.push_back(absl::StrFormat(
       "%s: coordinates of up to %.3g are rounded by %.3g in single precision, "
       "more than a hundredth of the mean edge (%.3g): subtract the mesh's "
-      "middle "
-      "before it is encoded",
-      field, farthest, rounding, edge));
+      "middle before it is encoded",
+      field, rounding.farthest, rounding.most, rounding.mean_edge));
 }
 
 /// Returns a mesh of the request. What it warns of is added to `spec`, which
@@ -166,19 +156,10 @@ absl::Status CheckRange(std::int64_t vertex, std::int64_t vertices,
   return MatchOutOfRange(field, vertex, vertices);
 }
 
-/// Which vertices are on a face.
-std::vector<bool> OnSurface(const TriangleMesh& mesh) {
-  std::vector<bool> on_surface(static_cast<size_t>(mesh.num_vertices()));
-  for (const VertexIndex v : mesh.faces.reshaped()) {
-    on_surface[static_cast<size_t>(v)] = true;
-  }
-  return on_surface;
-}
-
 /// REQUIRES: the landmarks are in range.
 absl::Status CheckLandmarksOnSurface(const JobSpec& spec) {
-  const std::vector<bool> on_x = OnSurface(spec.mesh_x);
-  const std::vector<bool> on_y = OnSurface(spec.mesh_y);
+  const std::vector<bool> on_x = VerticesOnFaces(spec.mesh_x);
+  const std::vector<bool> on_y = VerticesOnFaces(spec.mesh_y);
   for (size_t i = 0; i < spec.landmarks.size(); ++i) {
     const Landmark& landmark = spec.landmarks[i];
     const bool x_is_on = on_x[static_cast<size_t>(landmark.x)];
