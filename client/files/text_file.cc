@@ -21,8 +21,8 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
+#include "core/base/file_bytes.h"
 #include "core/base/status_macros.h"
-#include "core/base/write_all.h"
 
 namespace isomatch {
 namespace {

@@ -21,14 +21,14 @@ constexpr int kAtOnce = 64;
 constexpr std::chrono::milliseconds kAgain(50);
 constexpr int kSecond = 1000;  // of poll
 
-Descriptor OpenSpare() {
-  return Descriptor(open("/dev/null", O_RDONLY | O_CLOEXEC));
+FileDescriptor OpenSpare() {
+  return FileDescriptor(open("/dev/null", O_RDONLY | O_CLOEXEC));
 }
 
-Descriptor AcceptOne(int listener, sockaddr_storage& peer) {
+FileDescriptor AcceptOne(int listener, sockaddr_storage& peer) {
   socklen_t size = sizeof(peer);
-  return Descriptor(accept4(listener, reinterpret_cast<sockaddr*>(&peer), &size,
-                            SOCK_NONBLOCK | SOCK_CLOEXEC));
+  return FileDescriptor(accept4(listener, reinterpret_cast<sockaddr*>(&peer),
+                                &size, SOCK_NONBLOCK | SOCK_CLOEXEC));
 }
 
 /// Whether the system has nothing to make a socket of.
@@ -43,8 +43,8 @@ absl::StatusOr<std::unique_ptr<AcceptLoop>> AcceptLoop::Listen(
     const std::string& address, const ConnectionLimits& limits) {
   ISOMATCH_ASSIGN_OR_RETURN(ListeningSockets sockets,
                             ListeningSockets::Open(address));
-  Descriptor spare = OpenSpare();
-  Descriptor stop(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK));
+  FileDescriptor spare = OpenSpare();
+  FileDescriptor stop(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK));
   if (!spare.is_open() || !stop.is_open()) {
     return absl::UnavailableError("no file descriptor is left");
   }
@@ -53,7 +53,7 @@ absl::StatusOr<std::unique_ptr<AcceptLoop>> AcceptLoop::Listen(
 }
 
 AcceptLoop::AcceptLoop(ListeningSockets sockets, const ConnectionLimits& limits,
-                       Descriptor spare, Descriptor stop)
+                       FileDescriptor spare, FileDescriptor stop)
     : sockets_(std::move(sockets)),
       spare_(std::move(spare)),
       stop_(std::move(stop)),
@@ -84,7 +84,7 @@ void AcceptLoop::Run() {
     bool is_well = true;
     try {
       WaitForWork();
-      for (const Descriptor& listener : sockets_.sockets()) {
+      for (const FileDescriptor& listener : sockets_.sockets()) {
         is_well = AcceptSome(listener.get()) && is_well;
       }
       refusals_.Tell(Refusals::Clock::now());
@@ -97,7 +97,7 @@ void AcceptLoop::Run() {
 
 void AcceptLoop::WaitForWork() {
   std::vector<pollfd> waits = {{stop_.get(), POLLIN, 0}};
-  for (const Descriptor& listener : sockets_.sockets()) {
+  for (const FileDescriptor& listener : sockets_.sockets()) {
     waits.push_back({listener.get(), POLLIN, 0});
   }
   const bool is_calm = spare_.is_open() && !refusals_.is_open();
@@ -110,7 +110,7 @@ bool AcceptLoop::AcceptSome(int listener) {
   int failures = 0;
   for (int i = 0; i < kAtOnce && !is_stopped_; ++i) {
     sockaddr_storage peer{};
-    Descriptor socket = AcceptOne(listener, peer);
+    FileDescriptor socket = AcceptOne(listener, peer);
     if (socket.is_open()) {
       Admit(std::move(socket), peer);
     } else if (errno == EAGAIN) {
@@ -135,7 +135,7 @@ bool AcceptLoop::RefuseOne(int listener) {
   return is_closed;
 }
 
-void AcceptLoop::Admit(Descriptor socket, const sockaddr_storage& peer) {
+void AcceptLoop::Admit(FileDescriptor socket, const sockaddr_storage& peer) {
   using Admission = ConnectionTable::Admission;
   const auto now = Refusals::Clock::now();
   const Admission admission = [&] {

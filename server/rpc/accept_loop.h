@@ -9,9 +9,9 @@
 
 #include "absl/base/thread_annotations.h"
 #include "absl/status/statusor.h"
+#include "core/base/file_descriptor.h"
 #include "core/base/mutex.h"
 #include "server/rpc/connection_table.h"
-#include "server/rpc/descriptor.h"
 #include "server/rpc/listening_sockets.h"
 #include "server/rpc/refusals.h"
 
@@ -23,7 +23,8 @@ namespace isomatch {
 ///
 /// A connection beyond the limits, or for which there is no descriptor, is
 /// closed at once, so that its peer knows; a descriptor is kept aside for that.
-/// What is refused is logged, a line when it begins and one when it is over.
+/// What is refused is logged, one line when refusing begins and one when it
+/// ends.
 ///
 /// Thread-safe.
 class AcceptLoop {
@@ -50,7 +51,7 @@ class AcceptLoop {
   /// by the system once this is destroyed. May be called again.
   void Stop();
 
-  /// With the port that was picked.
+  /// HOST:PORT, with the port that the system picked where 0 was asked for.
   const std::string& address() const { return sockets_.address(); }
 
   /// Connections that are open now. Time: O(their number).
@@ -61,19 +62,19 @@ class AcceptLoop {
 
  private:
   AcceptLoop(ListeningSockets sockets, const ConnectionLimits& limits,
-             Descriptor spare, Descriptor stop);
+             FileDescriptor spare, FileDescriptor stop);
   void Run();
   void WaitForWork();
   bool AcceptSome(int listener);
   bool RefuseOne(int listener);
-  void Admit(Descriptor socket, const sockaddr_storage& peer);
+  void Admit(FileDescriptor socket, const sockaddr_storage& peer);
 
   const ListeningSockets sockets_;
   HandOver hand_over_;
   /// Closed to have one when there is none left, then opened again.
-  Descriptor spare_;
+  FileDescriptor spare_;
   /// Readable when the thread is to end.
-  const Descriptor stop_;
+  const FileDescriptor stop_;
   std::atomic<bool> is_stopped_ = false;
   Refusals refusals_;
   Mutex mutex_;

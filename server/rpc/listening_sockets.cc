@@ -45,9 +45,9 @@ absl::Status LastError() {
 }
 
 /// Returns a socket that listens there. Errors of LastError.
-absl::StatusOr<Descriptor> ListenOn(const Endpoint& endpoint) {
+absl::StatusOr<FileDescriptor> ListenOn(const Endpoint& endpoint) {
   const int family = endpoint.address.ss_family;
-  Descriptor made(
+  FileDescriptor made(
       socket(family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
   if (!made.is_open()) return LastError();
   if (family != AF_UNIX) {
@@ -73,7 +73,7 @@ std::uint16_t& PortField(Endpoint& endpoint) {
 }
 
 /// In the order of the network.
-std::uint16_t PortOf(const Descriptor& socket) {
+std::uint16_t PortOf(const FileDescriptor& socket) {
   Endpoint own;
   own.size = sizeof(own.address);
   getsockname(socket.get(), reinterpret_cast<sockaddr*>(&own.address),
@@ -106,7 +106,7 @@ bool IsWildcard(const std::string& host) {
 
 /// Whether somebody answers there.
 bool IsServed(const Endpoint& endpoint) {
-  const Descriptor probe(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
+  const FileDescriptor probe(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
   return connect(probe.get(), endpoint.get(), endpoint.size) == 0;
 }
 
@@ -164,7 +164,7 @@ absl::Status ListeningSockets::OpenUnix(const std::string& path) {
     return absl::UnavailableError(std::strerror(EADDRINUSE));
   }
   RemoveSocket(path);
-  ISOMATCH_ASSIGN_OR_RETURN(Descriptor socket, ListenOn(endpoint));
+  ISOMATCH_ASSIGN_OR_RETURN(FileDescriptor socket, ListenOn(endpoint));
   sockets_.push_back(std::move(socket));
   path_ = path;
   return absl::OkStatus();
@@ -186,7 +186,7 @@ absl::Status ListeningSockets::OpenInet(const std::string& host,
       if (is_wildcard) break;
       PortField(endpoint) = PortOf(sockets_.front());
     }
-    absl::StatusOr<Descriptor> socket = ListenOn(endpoint);
+    absl::StatusOr<FileDescriptor> socket = ListenOn(endpoint);
     if (socket.ok()) {
       sockets_.push_back(*std::move(socket));
       continue;

@@ -5,7 +5,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "server/rpc/descriptor.h"
+#include "core/base/file_descriptor.h"
 
 namespace isomatch {
 
@@ -26,7 +26,7 @@ class ListeningSockets {
   /// Stops to listen; the file of a unix socket goes.
   ~ListeningSockets();
 
-  const std::vector<Descriptor>& sockets() const { return sockets_; }
+  const std::vector<FileDescriptor>& sockets() const { return sockets_; }
 
   /// What was opened, with the port that was picked.
   const std::string& address() const { return address_; }
@@ -36,7 +36,7 @@ class ListeningSockets {
   absl::Status OpenUnix(const std::string& path);
   absl::Status OpenInet(const std::string& host, const std::string& port);
 
-  std::vector<Descriptor> sockets_;
+  std::vector<FileDescriptor> sockets_;
   std::string address_;
   /// Path of the unix socket; empty for other addresses.
   std::string path_;

@@ -4,6 +4,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "core/base/file_descriptor.h"
+
 namespace isomatch {
 namespace {
 
@@ -35,11 +37,9 @@ void DiskReserve::Refill() {
 }
 
 void DiskReserve::Take() {
-  const int file =
-      open(path_.c_str(), O_CREAT | O_WRONLY | O_CLOEXEC, S_IRUSR | S_IWUSR);
-  if (file < 0) return;
-  const bool is_taken = posix_fallocate(file, 0, bytes_) == 0;
-  close(file);
+  const auto file = FileDescriptor::Open(path_, O_CREAT | O_WRONLY);
+  if (!file.is_open()) return;
+  const bool is_taken = posix_fallocate(file.get(), 0, bytes_) == 0;
   if (!is_taken) unlink(path_.c_str());  // not even a part of it
 }
 

@@ -14,8 +14,9 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/strip.h"
+#include "core/base/file_bytes.h"
+#include "core/base/file_descriptor.h"
 #include "core/base/status_macros.h"
-#include "core/base/write_all.h"
 
 namespace isomatch {
 namespace {
@@ -41,26 +42,8 @@ absl::Status ReadRefused(const std::string& path) {
   return is_lost ? absl::DataLossError(refused.message()) : refused;
 }
 
-/// A file descriptor that closes itself.
-class File {
- public:
-  File(const std::string& path, int flags, mode_t mode = 0)
-      : descriptor_(open(path.c_str(), flags | O_CLOEXEC, mode)) {}
-  ~File() {
-    if (descriptor_ >= 0) close(descriptor_);
-  }
-  File(const File&) = delete;
-  File& operator=(const File&) = delete;
-
-  bool is_open() const { return descriptor_ >= 0; }
-  int get() const { return descriptor_; }
-
- private:
-  const int descriptor_;
-};
-
 absl::Status WriteAndSync(const std::string& path, absl::string_view bytes) {
-  const File file(path, O_CREAT | O_WRONLY | O_TRUNC, S_IRUSR | S_IWUSR);
+  const auto file = FileDescriptor::Open(path, O_CREAT | O_WRONLY | O_TRUNC);
   if (!file.is_open()) return Refused("create", path);
   if (WriteAll(file.get(), bytes) != 0) return Refused("write", path);
   if (fsync(file.get()) != 0) return Refused("synchronize", path);
@@ -70,7 +53,7 @@ absl::Status WriteAndSync(const std::string& path, absl::string_view bytes) {
 }  // namespace
 
 absl::Status SyncFolder(const std::string& path) {
-  const File folder(path, O_RDONLY | O_DIRECTORY);
+  const auto folder = FileDescriptor::Open(path, O_RDONLY | O_DIRECTORY);
   if (!folder.is_open()) return Refused("open", path);
   if (fsync(folder.get()) != 0) return Refused("synchronize", path);
   return absl::OkStatus();
@@ -92,7 +75,7 @@ absl::Status WriteFileDurably(const std::string& path,
 
 absl::StatusOr<std::string> ReadWholeFile(const std::string& path,
                                           std::int64_t max_bytes) {
-  const File file(path, O_RDONLY);
+  const auto file = FileDescriptor::Open(path, O_RDONLY);
   struct stat about = {};
   if (!file.is_open() || fstat(file.get(), &about) != 0) {
     return ReadRefused(path);
@@ -101,23 +84,18 @@ absl::StatusOr<std::string> ReadWholeFile(const std::string& path,
     return absl::DataLossError(absl::StrCat(
         path, " has ", about.st_size, " bytes, expected at most ", max_bytes));
   }
-  std::string bytes(static_cast<size_t>(about.st_size), '\0');
-  size_t done = 0;
-  while (done < bytes.size()) {
-    const ssize_t got = read(file.get(), &bytes[done], bytes.size() - done);
-    if (got < 0 && errno == EINTR) continue;
-    if (got < 0) return ReadRefused(path);
-    if (got == 0) break;  // it became shorter
-    done += static_cast<size_t>(got);
+  // Fewer when it became shorter.
+  std::string bytes;
+  if (ReadUpTo(static_cast<size_t>(about.st_size), file.get(), &bytes) != 0) {
+    return ReadRefused(path);
   }
-  bytes.resize(done);
   return bytes;
 }
 
 absl::Status ReadInPieces(const std::string& path,
                           const std::function<bool(absl::string_view)>& take) {
   constexpr size_t kPiece = size_t{64} << 10;
-  const File file(path, O_RDONLY);
+  const auto file = FileDescriptor::Open(path, O_RDONLY);
   if (!file.is_open()) return ReadRefused(path);
   std::string piece(kPiece, '\0');
   while (true) {
@@ -151,7 +129,7 @@ absl::StatusOr<FileAbout> AboutFile(const std::string& path) {
 }
 
 absl::Status TryTakingRoom(const std::string& path, std::int64_t bytes) {
-  const File file(path, O_CREAT | O_WRONLY | O_TRUNC, S_IRUSR | S_IWUSR);
+  const auto file = FileDescriptor::Open(path, O_CREAT | O_WRONLY | O_TRUNC);
   if (!file.is_open()) return Refused("create", path);
   errno = bytes > 0 ? posix_fallocate(file.get(), 0, bytes) : 0;
   absl::Status taken =
@@ -197,23 +175,15 @@ absl::Status MakeFolder(const std::string& path) {
 
 absl::StatusOr<FolderLock> FolderLock::Take(const std::string& folder) {
   const std::string path = absl::StrCat(folder, "/lock");
-  FolderLock lock(
-      open(path.c_str(), O_CREAT | O_RDWR | O_CLOEXEC, S_IRUSR | S_IWUSR));
-  if (lock.descriptor_ < 0) return Refused("open", path);
-  if (flock(lock.descriptor_, LOCK_EX | LOCK_NB) != 0) {
+  FileDescriptor file = FileDescriptor::Open(path, O_CREAT | O_RDWR);
+  if (!file.is_open()) return Refused("open", path);
+  if (flock(file.get(), LOCK_EX | LOCK_NB) != 0) {
     return absl::FailedPreconditionError(absl::StrCat(
         folder,
         " is in use by another isomatch-server; expected a folder of "
         "its own for each"));
   }
-  return lock;
-}
-
-FolderLock::FolderLock(FolderLock&& other) noexcept
-    : descriptor_(std::exchange(other.descriptor_, -1)) {}
-
-FolderLock::~FolderLock() {
-  if (descriptor_ >= 0) close(descriptor_);
+  return FolderLock(std::move(file));
 }
 
 }  // namespace isomatch

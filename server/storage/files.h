@@ -3,10 +3,12 @@
 #include <cstdint>
 #include <functional>
 #include <string>
+#include <utility>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/strings/string_view.h"
+#include "core/base/file_descriptor.h"
 
 namespace isomatch {
 
@@ -67,13 +69,10 @@ class FolderLock {
   /// FAILED_PRECONDITION when another process has the lock.
   static absl::StatusOr<FolderLock> Take(const std::string& folder);
 
-  FolderLock(FolderLock&& other) noexcept;
-  FolderLock& operator=(FolderLock&&) = delete;
-  ~FolderLock();
-
  private:
-  explicit FolderLock(int descriptor) : descriptor_(descriptor) {}
-  int descriptor_ = -1;
+  explicit FolderLock(FileDescriptor file) : file_(std::move(file)) {}
+
+  FileDescriptor file_;
 };
 
 }  // namespace isomatch

@@ -1,7 +1,6 @@
 #include "server/storage/journal_mark.h"
 
 #include <fcntl.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include <vector>
@@ -28,16 +27,11 @@ std::string ToLine(const JournalMark::State& state) {
 }  // namespace
 
 JournalMark::JournalMark(const std::string& path)
-    : descriptor_(open(path.c_str(), O_CREAT | O_RDWR | O_CLOEXEC,
-                       S_IRUSR | S_IWUSR)) {}
-
-JournalMark::~JournalMark() {
-  if (descriptor_ >= 0) close(descriptor_);
-}
+    : file_(FileDescriptor::Open(path, O_CREAT | O_RDWR)) {}
 
 std::optional<JournalMark::State> JournalMark::Read() const {
   std::string line(ToLine({}).size(), '\0');
-  const ssize_t got = pread(descriptor_, line.data(), line.size(), 0);
+  const ssize_t got = pread(file_.get(), line.data(), line.size(), 0);
   if (got != static_cast<ssize_t>(line.size())) return std::nullopt;
   const std::vector<absl::string_view> words = absl::StrSplit(line, ' ');
   State state;
@@ -52,7 +46,7 @@ void JournalMark::Write(const State& state) {
   const std::string line = ToLine(state);
   // Half a line, or none, is no mark: see Read.
   [[maybe_unused]] const ssize_t written =
-      pwrite(descriptor_, line.data(), line.size(), 0);
+      pwrite(file_.get(), line.data(), line.size(), 0);
 }
 
 }  // namespace isomatch

@@ -4,6 +4,8 @@
 #include <optional>
 #include <string>
 
+#include "core/base/file_descriptor.h"
+
 namespace isomatch {
 
 /// A small file beside a journal that says how far the journal has come, so
@@ -22,9 +24,6 @@ class JournalMark {
 
   /// Opens the file, or makes it. Where that cannot be, there is no mark.
   explicit JournalMark(const std::string& path);
-  ~JournalMark();
-  JournalMark(const JournalMark&) = delete;
-  JournalMark& operator=(const JournalMark&) = delete;
 
   /// What Write wrote last; nullopt when that is not known.
   std::optional<State> Read() const;
@@ -33,7 +32,7 @@ class JournalMark {
   void Write(const State& state);
 
  private:
-  const int descriptor_;
+  const FileDescriptor file_;
 };
 
 }  // namespace isomatch

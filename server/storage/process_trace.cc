@@ -54,12 +54,7 @@ ProcessTrace TraceFromJson(const nlohmann::json& json) {
 
 TraceFile::TraceFile(std::string path)
     : path_(std::move(path)),
-      descriptor_(open(path_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC,
-                       S_IRUSR | S_IWUSR)) {}
-
-TraceFile::~TraceFile() {
-  if (descriptor_ >= 0) close(descriptor_);
-}
+      file_(FileDescriptor::Open(path_, O_RDWR | O_CREAT)) {}
 
 ProcessTrace TraceFile::Read() {
   const auto bytes = ReadWholeFile(path_, kMaxTraceBytes);
@@ -73,13 +68,13 @@ ProcessTrace TraceFile::Read() {
 }
 
 void TraceFile::Write(const ProcessTrace& trace) {
-  if (descriptor_ < 0) return;
+  if (!file_.is_open()) return;
   std::string text = TraceToJson(trace).dump();
   // Blanks cover what was there: cutting the file would leave a moment in which
   // it is empty.
   size_ = std::max(size_, text.size());
   text.resize(size_, ' ');
-  (void)!pwrite(descriptor_, text.data(), text.size(), 0);
+  (void)!pwrite(file_.get(), text.data(), text.size(), 0);
 }
 
 }  // namespace isomatch

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "absl/time/time.h"
+#include "core/base/file_descriptor.h"
 
 namespace isomatch {
 
@@ -54,17 +55,13 @@ class TraceFile : public TraceStore {
   /// Makes the file if need be, only its owner can read it. When it cannot be
   /// opened nothing is kept.
   explicit TraceFile(std::string path);
-  ~TraceFile() override;
-
-  TraceFile(const TraceFile&) = delete;
-  TraceFile& operator=(const TraceFile&) = delete;
 
   ProcessTrace Read() override;
   void Write(const ProcessTrace& trace) override;
 
  private:
   const std::string path_;
-  const int descriptor_;
+  const FileDescriptor file_;
   /// Bytes of the longest trace that was written.
   std::size_t size_ = 0;
 };

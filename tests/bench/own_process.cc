@@ -9,7 +9,7 @@
 #include <string_view>
 
 #include "absl/strings/str_cat.h"
-#include "core/base/write_all.h"
+#include "core/base/file_bytes.h"
 
 namespace isomatch::bench {
 namespace {

@@ -95,7 +95,7 @@ FLOORS = {
         {"match_engine", "matcher", "shape_matching"},
     ],
     "server/rpc": [
-        {"connection_table", "descriptor", "grpc_status", "raw_message", "refusals",
+        {"connection_table", "grpc_status", "raw_message", "refusals",
          "service_context"},
         REST,
         {"accept_loop", "create_job", "download_result", "upload_mesh", "watch_job"},

@@ -18,8 +18,8 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
+#include "core/base/file_descriptor.h"
 #include "isomatch/v1/service.grpc.pb.h"
-#include "server/rpc/descriptor.h"
 #include "tests/server/child_process.h"
 #include "tests/server/test_server.h"
 #include "tests/support/shapes.h"
@@ -259,13 +259,14 @@ struct ServerOfFewFiles {
 };
 
 // Connections that say nothing, of peers without a key.
-std::vector<Descriptor> ConnectOften(const std::string& address, int count) {
+std::vector<FileDescriptor> ConnectOften(const std::string& address,
+                                         int count) {
   sockaddr_in to{};
   to.sin_family = AF_INET;
   to.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
   to.sin_port = htons(static_cast<std::uint16_t>(
       std::stoi(address.substr(address.rfind(':') + 1))));
-  std::vector<Descriptor> made;
+  std::vector<FileDescriptor> made;
   for (int i = 0; i < count; ++i) {
     made.emplace_back(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0));
     EXPECT_EQ(connect(made.back().get(), reinterpret_cast<sockaddr*>(&to),
@@ -282,7 +283,7 @@ TEST(MainTest, ItServesAfterMorePeersThanItMayHaveFiles) {
   grpc::ClientContext first;
   v1::GetServerInfoResponse info;
   EXPECT_TRUE(before->GetServerInfo(&first, {}, &info).ok());
-  std::vector<Descriptor> peers = ConnectOften(server.address, 200);
+  std::vector<FileDescriptor> peers = ConnectOften(server.address, 200);
   server.process.ReadUntil("new connections are refused: ");
   grpc::ClientContext meanwhile;
   EXPECT_TRUE(before->GetServerInfo(&meanwhile, {}, &info).ok());

@@ -6,35 +6,27 @@
 
 #include <cerrno>
 #include <cstring>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "core/base/write_all.h"
+#include "core/base/file_bytes.h"
 
 namespace isomatch {
-MemoryFile::~MemoryFile() {
-  if (file_ >= 0) close(file_);
-}
 
 absl::Status MemoryFile::Replace(absl::string_view bytes) {
-  const int fresh = memfd_create("isomatch", MFD_CLOEXEC);
+  FileDescriptor fresh(memfd_create("isomatch", MFD_CLOEXEC));
   // The number stays, and with it the path; what it stands for changes.
-  if (fresh < 0 || WriteAll(fresh, bytes) != 0 ||
-      (file_ >= 0 && dup3(fresh, file_, O_CLOEXEC) < 0)) {
-    const int error = errno;
-    if (fresh >= 0) close(fresh);
+  if (!fresh.is_open() || WriteAll(fresh.get(), bytes) != 0 ||
+      (file_.is_open() && dup3(fresh.get(), file_.get(), O_CLOEXEC) < 0)) {
     return absl::UnavailableError(
-        absl::StrCat("no file in memory: ", std::strerror(error)));
+        absl::StrCat("no file in memory: ", std::strerror(errno)));
   }
-  if (file_ >= 0) {
-    close(fresh);
-  } else {
-    file_ = fresh;
-  }
+  if (!file_.is_open()) file_ = std::move(fresh);
   return absl::OkStatus();
 }
 
 std::string MemoryFile::path() const {
-  return absl::StrCat("/proc/self/fd/", file_);
+  return absl::StrCat("/proc/self/fd/", file_.get());
 }
 
 }  // namespace isomatch

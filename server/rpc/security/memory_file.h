@@ -4,6 +4,7 @@
 
 #include "absl/status/status.h"
 #include "absl/strings/string_view.h"
+#include "core/base/file_descriptor.h"
 
 namespace isomatch {
 
@@ -12,12 +13,6 @@ namespace isomatch {
 /// either all of the old or all of the new. Not thread-safe, readers apart.
 class MemoryFile {
  public:
-  MemoryFile() = default;
-  ~MemoryFile();
-
-  MemoryFile(const MemoryFile&) = delete;
-  MemoryFile& operator=(const MemoryFile&) = delete;
-
   /// UNAVAILABLE: the system has no file descriptor or no memory left; then the
   /// content is what it was.
   absl::Status Replace(absl::string_view bytes);
@@ -26,7 +21,7 @@ class MemoryFile {
   std::string path() const;
 
  private:
-  int file_ = -1;
+  FileDescriptor file_;
 };
 
 }  // namespace isomatch

@@ -21,14 +21,14 @@ using testing::HasSubstr;
 /// Until then a peer must have heard something.
 constexpr timeval kPatience = {.tv_sec = 20, .tv_usec = 0};
 
-Descriptor NewClient() {
-  Descriptor client(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0));
+FileDescriptor NewClient() {
+  FileDescriptor client(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0));
   setsockopt(client.get(), SOL_SOCKET, SO_RCVTIMEO, &kPatience,
              sizeof(kPatience));
   return client;
 }
 
-void Connect(const Descriptor& client, const std::string& listener) {
+void Connect(const FileDescriptor& client, const std::string& listener) {
   sockaddr_in address{};
   address.sin_family = AF_INET;
   address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
@@ -41,7 +41,7 @@ void Connect(const Descriptor& client, const std::string& listener) {
 
 /// What the listener's side says first: "!" of a taken connection, "" when it
 /// was closed, "?" when nothing came.
-std::string Hear(const Descriptor& client) {
+std::string Hear(const FileDescriptor& client) {
   char byte = 0;
   const ssize_t got = recv(client.get(), &byte, 1, 0);
   if (got > 0) return {byte};
@@ -60,20 +60,20 @@ class AcceptLoopTest : public testing::Test {
     });
   }
 
-  std::string ConnectAndHear(const Descriptor& client) const {
+  std::string ConnectAndHear(const FileDescriptor& client) const {
     Connect(client, loop_->address());
     return Hear(client);
   }
 
   // Of the loop's thread; what a client has heard of is there.
-  std::vector<Descriptor> taken_;
+  std::vector<FileDescriptor> taken_;
   std::unique_ptr<AcceptLoop> loop_;
 };
 
 TEST_F(AcceptLoopTest, HandsOverWhoConnects) {
   Start({.most = 10, .of_one_address = 0});
-  const Descriptor one = NewClient();
-  const Descriptor two = NewClient();
+  const FileDescriptor one = NewClient();
+  const FileDescriptor two = NewClient();
   EXPECT_EQ(ConnectAndHear(one), "!");
   EXPECT_EQ(ConnectAndHear(two), "!");
   EXPECT_EQ(loop_->CountOpen(), 2);
@@ -85,7 +85,7 @@ TEST_F(AcceptLoopTest, HandsOverWhoConnects) {
 TEST_F(AcceptLoopTest, ClosesWhoIsTooMuchUntilAnotherHasGone) {
   testing::internal::CaptureStdout();  // of the log
   Start({.most = 2, .of_one_address = 0});
-  std::vector<Descriptor> clients;
+  std::vector<FileDescriptor> clients;
   for (const std::string said : {"!", "!", "", "", ""}) {
     clients.push_back(NewClient());
     EXPECT_EQ(ConnectAndHear(clients.back()), said);
@@ -124,17 +124,17 @@ class NoDescriptors {
 
  private:
   rlimit before_{};
-  std::vector<Descriptor> files_;
+  std::vector<FileDescriptor> files_;
 };
 
 TEST_F(AcceptLoopTest, SurvivesThatThereAreNoDescriptors) {
   testing::internal::CaptureStdout();  // of the log
   Start({.most = 1000, .of_one_address = 0});
-  std::vector<Descriptor> clients;
+  std::vector<FileDescriptor> clients;
   for (int i = 0; i < 5; ++i) clients.push_back(NewClient());
   {
     const NoDescriptors none;
-    for (const Descriptor& client : clients) {
+    for (const FileDescriptor& client : clients) {
       EXPECT_EQ(ConnectAndHear(client), "");
     }
   }
@@ -150,7 +150,7 @@ TEST_F(AcceptLoopTest, AfterStopNobodyIsHandedOver) {
   Start({.most = 10, .of_one_address = 0});
   loop_->Stop();
   loop_->Stop();
-  const Descriptor client = NewClient();
+  const FileDescriptor client = NewClient();
   Connect(client, loop_->address());  // the system still answers
   loop_.reset();
   EXPECT_EQ(Hear(client), "");

@@ -9,15 +9,15 @@
 #include <netinet/in.h>
 #include <sys/socket.h>
 
-#include "server/rpc/descriptor.h"
+#include "core/base/file_descriptor.h"
 
 namespace isomatch {
 namespace {
 
 using Admission = ConnectionTable::Admission;
 
-Descriptor NewSocket() {
-  return Descriptor(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
+FileDescriptor NewSocket() {
+  return FileDescriptor(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
 }
 
 sockaddr_storage Peer(const std::string& text) {
@@ -56,7 +56,7 @@ TEST(OriginOfTest, IsTheAddressOrTheNetworkOfIpv6) {
 class ConnectionTableTest : public testing::Test {
  protected:
   // Each later than a pause between two looks at all connections.
-  Admission Admit(const Descriptor& socket, const std::string& origin) {
+  Admission Admit(const FileDescriptor& socket, const std::string& origin) {
     now_ += std::chrono::seconds(1);
     return table_.Admit(socket.get(), origin, now_);
   }
@@ -66,13 +66,13 @@ class ConnectionTableTest : public testing::Test {
 };
 
 TEST_F(ConnectionTableTest, MoreThanTheMostAreRefused) {
-  std::vector<Descriptor> sockets;
+  std::vector<FileDescriptor> sockets;
   for (int i = 0; i < 4; ++i) {
     sockets.push_back(NewSocket());
     EXPECT_EQ(Admit(sockets.back(), ""), Admission::kAdmitted);
   }
   EXPECT_EQ(table_.CountOpen(), 4);
-  const Descriptor another = NewSocket();
+  const FileDescriptor another = NewSocket();
   EXPECT_EQ(Admit(another, ""), Admission::kTooMany);
   sockets[1].Close();
   EXPECT_EQ(Admit(another, ""), Admission::kAdmitted);
@@ -80,27 +80,27 @@ TEST_F(ConnectionTableTest, MoreThanTheMostAreRefused) {
 }
 
 TEST_F(ConnectionTableTest, OneAddressDoesNotTakeTheConnectionsOfOthers) {
-  const Descriptor one = NewSocket();
-  Descriptor two = NewSocket();
-  const Descriptor three = NewSocket();
+  const FileDescriptor one = NewSocket();
+  FileDescriptor two = NewSocket();
+  const FileDescriptor three = NewSocket();
   EXPECT_EQ(Admit(one, "a"), Admission::kAdmitted);
   EXPECT_EQ(Admit(two, "a"), Admission::kAdmitted);
   EXPECT_EQ(Admit(three, "a"), Admission::kTooManyOfOrigin);
   EXPECT_EQ(Admit(three, "b"), Admission::kAdmitted);
   two.Close();
-  const Descriptor four = NewSocket();
+  const FileDescriptor four = NewSocket();
   EXPECT_EQ(Admit(four, "a"), Admission::kAdmitted);
 }
 
 // gRPC closes a socket, and a store opens a file, which gets its number.
 TEST_F(ConnectionTableTest, ANumberThatIsAnotherFileNowIsNoConnection) {
-  Descriptor socket = NewSocket();
+  FileDescriptor socket = NewSocket();
   EXPECT_EQ(Admit(socket, "a"), Admission::kAdmitted);
   const int number = socket.get();
-  const Descriptor file(open("/dev/null", O_RDONLY | O_CLOEXEC));
+  const FileDescriptor file(open("/dev/null", O_RDONLY | O_CLOEXEC));
   ASSERT_EQ(dup2(file.get(), number), number);
   EXPECT_EQ(table_.CountOpen(), 0);
-  const Descriptor other = NewSocket();
+  const FileDescriptor other = NewSocket();
   ASSERT_EQ(dup2(other.get(), number), number);
   EXPECT_EQ(Admit(socket, "b"), Admission::kAdmitted);
   EXPECT_EQ(table_.CountOpen(), 1);
@@ -109,16 +109,16 @@ TEST_F(ConnectionTableTest, ANumberThatIsAnotherFileNowIsNoConnection) {
 // The same number again and again, as the system gives the lowest one.
 TEST_F(ConnectionTableTest, ConnectionsThatEndedAreNotCountedTwice) {
   for (int i = 0; i < 20; ++i) {
-    const Descriptor socket = NewSocket();
+    const FileDescriptor socket = NewSocket();
     EXPECT_EQ(Admit(socket, "a"), Admission::kAdmitted);
   }
   EXPECT_EQ(table_.CountOpen(), 0);
 }
 
 TEST_F(ConnectionTableTest, AFloodOfRefusedOnesDoesNotMakeItLookAtAllEachTime) {
-  Descriptor one = NewSocket();
-  const Descriptor two = NewSocket();
-  const Descriptor three = NewSocket();
+  FileDescriptor one = NewSocket();
+  const FileDescriptor two = NewSocket();
+  const FileDescriptor three = NewSocket();
   EXPECT_EQ(Admit(one, "a"), Admission::kAdmitted);
   EXPECT_EQ(Admit(two, "a"), Admission::kAdmitted);
   EXPECT_EQ(Admit(three, "a"), Admission::kTooManyOfOrigin);

@@ -28,7 +28,7 @@ std::string PortOf(const ListeningSockets& sockets) {
 }
 
 bool Connects(int family, const sockaddr* address, socklen_t size) {
-  const Descriptor client(socket(family, SOCK_STREAM | SOCK_CLOEXEC, 0));
+  const FileDescriptor client(socket(family, SOCK_STREAM | SOCK_CLOEXEC, 0));
   return connect(client.get(), address, size) == 0;
 }
 
@@ -136,7 +136,7 @@ TEST_F(UnixSocketTest, OfAServerThatWasKilledGivesWay) {
   sockaddr_un address{};
   address.sun_family = AF_UNIX;
   std::strncpy(address.sun_path, path_.c_str(), sizeof(address.sun_path) - 1);
-  Descriptor killed(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
+  FileDescriptor killed(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
   ASSERT_EQ(bind(killed.get(), reinterpret_cast<sockaddr*>(&address),
                  sizeof(address)),
             0);

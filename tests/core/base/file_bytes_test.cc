@@ -1,4 +1,4 @@
-#include "core/base/write_all.h"
+#include "core/base/file_bytes.h"
 
 #include <unistd.h>
 
@@ -12,7 +12,7 @@
 namespace isomatch {
 namespace {
 
-TEST(WriteAllTest, WritesMoreThanAPipeTakesAtOnce) {
+TEST(FileBytesTest, WritesMoreThanAPipeTakesAtOnce) {
   std::array<int, 2> ends;
   ASSERT_EQ(pipe(ends.data()), 0);
   std::string read_bytes;
@@ -30,9 +30,28 @@ TEST(WriteAllTest, WritesMoreThanAPipeTakesAtOnce) {
   EXPECT_EQ(read_bytes, bytes);
 }
 
-TEST(WriteAllTest, ReturnsTheSystemsError) {
+TEST(FileBytesTest, ReadsWhatComesInPiecesAndNoMoreThanWanted) {
+  std::array<int, 2> ends;
+  ASSERT_EQ(pipe(ends.data()), 0);
+  const std::string sent(200'000, 'x');  // more than a pipe holds
+  std::thread writer([&] {
+    WriteAll(ends[1], sent);
+    close(ends[1]);
+  });
+  std::string bytes = "what was there";
+  EXPECT_EQ(ReadUpTo(150'000, ends[0], &bytes), 0);
+  EXPECT_EQ(bytes, sent.substr(0, 150'000));
+  EXPECT_EQ(ReadUpTo(150'000, ends[0], &bytes), 0);
+  EXPECT_EQ(bytes, sent.substr(150'000));
+  writer.join();
+  close(ends[0]);
+}
+
+TEST(FileBytesTest, ReturnsTheSystemsError) {
   EXPECT_EQ(WriteAll(-1, "x"), EBADF);
   EXPECT_EQ(WriteAll(-1, ""), 0);
+  std::string bytes;
+  EXPECT_EQ(ReadUpTo(1, -1, &bytes), EBADF);
 }
 
 }  // namespace
