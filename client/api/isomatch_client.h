@@ -15,8 +15,8 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "client/api/match_request.h"
-#include "client/api/result_parts.h"
 #include "core/base/vertex_index.h"
+#include "core/io/result_bytes.h"
 #include "core/mesh/triangle_mesh.h"
 #include "isomatch/v1/service.grpc.pb.h"
 

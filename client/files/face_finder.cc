@@ -31,20 +31,20 @@ VertexMap Identity(VertexIndex vertices) {
   return same;
 }
 
-/// The first vertex at each vertex's place, as a server sees them.
-VertexMap FirstAtPlace(const TriangleMesh& mesh) {
+/// The first vertex at each vertex's position, as a server sees them.
+VertexMap FirstAtPosition(const TriangleMesh& mesh) {
   if (mesh.num_faces() == 0) return Identity(mesh.num_vertices());
   const Positions sent = AsSent(mesh).positions;
-  const auto place = [&](VertexIndex v) {
+  const auto position = [&](VertexIndex v) {
     return std::array{sent(v, 0), sent(v, 1), sent(v, 2)};
   };
   VertexMap order = Identity(mesh.num_vertices());
   std::stable_sort(
       order.begin(), order.end(),
-      [&](VertexIndex a, VertexIndex b) { return place(a) < place(b); });
+      [&](VertexIndex a, VertexIndex b) { return position(a) < position(b); });
   VertexMap first(order.size());
   for (std::size_t i = 0; i < order.size(); ++i) {
-    const bool is_new = i == 0 || place(order[i - 1]) != place(order[i]);
+    const bool is_new = i == 0 || position(order[i - 1]) != position(order[i]);
     first[static_cast<std::size_t>(order[i])] =
         is_new ? order[i] : Of(first, order[i - 1]);
   }
@@ -71,13 +71,13 @@ SurfacePoint OnFace(VertexIndex face, const std::array<VertexIndex, 3>& corners,
 FaceFinder::FaceFinder(const TriangleMesh& mesh)
     : mesh_(mesh),
       same_(Identity(mesh.num_vertices())),
-      place_(FirstAtPlace(mesh)),
+      first_(FirstAtPosition(mesh)),
       by_vertices_(MakeTable(same_)),
-      by_places_(MakeTable(place_)),
-      face_at_place_(same_.size(), kNoVertex) {
+      by_positions_(MakeTable(first_)),
+      face_at_(same_.size(), kNoVertex) {
   for (VertexIndex face = mesh.num_faces(); face-- > 0;) {
-    for (const VertexIndex corner : Renamed(CornersOf(face), place_)) {
-      face_at_place_[static_cast<std::size_t>(corner)] = face;
+    for (const VertexIndex corner : Renamed(CornersOf(face), first_)) {
+      face_at_[static_cast<std::size_t>(corner)] = face;
     }
   }
 }
@@ -109,7 +109,7 @@ VertexIndex FaceFinder::Lookup(const Table& table, Corners corners) {
 SurfacePoint FaceFinder::Find(const PrecisePoint& point) const {
   if (point.vertices[0] == kNoVertex) return {};
   for (const auto& [table, names] :
-       {std::pair(&by_vertices_, &same_), std::pair(&by_places_, &place_)}) {
+       {std::pair(&by_vertices_, &same_), std::pair(&by_positions_, &first_)}) {
     const Corners named = Renamed(point.vertices, *names);
     const VertexIndex face = Lookup(*table, named);
     if (face == kNoVertex) continue;
@@ -121,13 +121,13 @@ SurfacePoint FaceFinder::Find(const PrecisePoint& point) const {
 SurfacePoint FaceFinder::AtHeaviestVertex(const PrecisePoint& point) const {
   const auto heaviest =
       std::max_element(point.weights.begin(), point.weights.end());
-  const VertexIndex place = Of(place_, point.vertices[static_cast<std::size_t>(
+  const VertexIndex first = Of(first_, point.vertices[static_cast<std::size_t>(
                                            heaviest - point.weights.begin())]);
   SurfacePoint found;
-  found.face = face_at_place_[static_cast<std::size_t>(place)];
+  found.face = face_at_[static_cast<std::size_t>(first)];
   if (found.face == kNoVertex) return found;
-  const Corners corners = Renamed(CornersOf(found.face), place_);
-  found.weights[std::find(corners.begin(), corners.end(), place) -
+  const Corners corners = Renamed(CornersOf(found.face), first_);
+  found.weights[std::find(corners.begin(), corners.end(), first) -
                 corners.begin()] = 1;
   return found;
 }

@@ -5,9 +5,9 @@
 #include <vector>
 
 #include "core/base/vertex_index.h"
+#include "core/mesh/precise_point.h"
 #include "core/mesh/surface_point.h"
 #include "core/mesh/triangle_mesh.h"
-#include "core/pipeline/precise_point.h"
 
 namespace isomatch {
 
@@ -20,12 +20,12 @@ class FaceFinder {
   /// Returns the point on the mesh's own faces, its weights in their order:
   ///
   /// 1. on the face that has these vertices, the first of several;
-  /// 2. else on one whose vertices lie at the same places, since the server
+  /// 2. else on one whose vertices lie at the same positions, since the server
   ///    welds seams and names one vertex of those that coincide in single
   ///    precision;
   /// 3. else at the vertex of the largest weight, on the first face there.
   ///
-  /// No face for no place, or for a vertex on no face.
+  /// No face for no point, or for a vertex on no face.
   SurfacePoint Find(const PrecisePoint& point) const;
 
  private:
@@ -43,12 +43,12 @@ class FaceFinder {
   const TriangleMesh& mesh_;
   /// The vertex itself.
   VertexMap same_;
-  /// The first vertex at the same place.
-  VertexMap place_;
+  /// The first vertex at the same position.
+  VertexMap first_;
   Table by_vertices_;
-  Table by_places_;
-  /// The first face at each place; kNoVertex for none.
-  std::vector<VertexIndex> face_at_place_;
+  Table by_positions_;
+  /// The first face at each such vertex; kNoVertex for none.
+  std::vector<VertexIndex> face_at_;
 };
 
 }  // namespace isomatch

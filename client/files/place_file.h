@@ -5,9 +5,9 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "core/mesh/precise_point.h"
 #include "core/mesh/surface_point.h"
 #include "core/mesh/triangle_mesh.h"
-#include "core/pipeline/precise_point.h"
 
 namespace isomatch {
 

@@ -6,9 +6,9 @@
 
 #include "absl/status/statusor.h"
 #include "absl/types/span.h"
-#include "client/api/result_parts.h"
+#include "core/io/result_bytes.h"
+#include "core/mesh/precise_point.h"
 #include "core/mesh/triangle_mesh.h"
-#include "core/pipeline/precise_point.h"
 
 namespace isomatch {
 

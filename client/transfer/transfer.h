@@ -8,8 +8,8 @@
 #include "absl/status/statusor.h"
 #include "absl/types/span.h"
 #include "client/files/vertex_colors.h"
+#include "core/mesh/precise_point.h"
 #include "core/mesh/triangle_mesh.h"
-#include "core/pipeline/precise_point.h"
 
 namespace isomatch {
 

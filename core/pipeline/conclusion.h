@@ -6,9 +6,9 @@
 #include "absl/status/status.h"
 #include "core/alignment/elastic_alignment.h"
 #include "core/base/vertex_index.h"
+#include "core/mesh/precise_point.h"
 #include "core/mesh/surface_point.h"
 #include "core/pipeline/correspondence.h"
-#include "core/pipeline/precise_point.h"
 #include "core/pipeline/prepared_mesh.h"
 
 namespace isomatch {

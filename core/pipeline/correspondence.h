@@ -6,7 +6,7 @@
 #include <Eigen/Core>
 
 #include "core/base/vertex_index.h"
-#include "core/pipeline/precise_point.h"
+#include "core/mesh/precise_point.h"
 #include "core/pipeline/progress.h"
 #include "core/pipeline/verdict.h"
 

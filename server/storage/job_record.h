@@ -55,7 +55,7 @@ struct StageSeconds {
   double seconds = 0;
 };
 
-/// The parts that a result can have; server/engine/result_parts.h tells what
+/// The parts that a result can have; core/io/result_bytes.h tells what
 /// their bytes are. The values go to disk and never change.
 enum class ResultPart : std::int32_t {
   kMap = 1,             ///< every result has it

@@ -8,9 +8,9 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "client/api/result_parts.h"
 #include "client/api/rpc_status.h"
 #include "core/base/status_macros.h"
+#include "core/io/result_bytes.h"
 
 namespace isomatch::bench {
 namespace {

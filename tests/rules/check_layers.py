@@ -90,7 +90,7 @@ REST = frozenset()
 FLOORS = {
     "core/pipeline": [
         {"correspondence", "joined_progress", "match_options", "memory_estimate",
-         "precise_point", "prepared_shape", "progress", "verdict"},  # what the other folders speak of
+         "prepared_shape", "progress", "verdict"},  # what the other folders speak of
         REST,
         {"match_engine", "matcher", "shape_matching"},
     ],

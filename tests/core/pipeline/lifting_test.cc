@@ -5,10 +5,10 @@
 #include <gtest/gtest.h>
 
 #include "core/mesh/mesh_geometry.h"
+#include "core/mesh/precise_point.h"
 #include "core/pipeline/correspondence.h"
 #include "core/pipeline/match_options.h"
 #include "core/pipeline/matcher.h"
-#include "core/pipeline/precise_point.h"
 #include "tests/support/matchers.h"
 #include "tests/support/quick_options.h"
 #include "tests/support/shapes.h"

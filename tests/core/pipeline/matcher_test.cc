@@ -1,7 +1,7 @@
 #include "core/pipeline/matcher.h"
+#include "core/mesh/precise_point.h"
 #include "core/pipeline/correspondence.h"
 #include "core/pipeline/match_options.h"
-#include "core/pipeline/precise_point.h"
 #include "core/pipeline/progress.h"
 
 #include <algorithm>

@@ -1,6 +1,6 @@
 #pragma once
 
-#include <cstdint>
+#include <string>
 #include <vector>
 
 #include <Eigen/Core>
@@ -8,7 +8,7 @@
 #include "absl/status/statusor.h"
 #include "absl/strings/string_view.h"
 #include "core/base/vertex_index.h"
-#include "core/pipeline/precise_point.h"
+#include "core/mesh/precise_point.h"
 
 namespace isomatch {
 
@@ -27,9 +27,25 @@ struct FunctionalMap {
   Eigen::MatrixXd fmap_x_from_y;
 };
 
-// Each returns what the bytes of a downloaded part say; ResultPart in
-// service.proto gives their layout. DATA_LOSS: another number of bytes than
-// expected, or a vertex that Y does not have.
+// The parts of a result as a server sends them and clients get them. All
+// numbers are little-endian, n is the number of vertices of X:
+//
+//   map             n uint32, 0xFFFFFFFF for no match
+//   precise map     n times three uint32 (vertices of a face of Y) and three
+//                   float32 (barycentric coordinates)
+//   confidence      n float32
+//   functional map  uint32 k, then float64: k eigenvalues of X, k of Y, the
+//                   k x k matrix by rows
+//
+// float32 since a point is known to far less than 1e-7 of an edge.
+
+std::string EncodeMap(const VertexMap& y_from_x);
+std::string EncodePreciseMap(const std::vector<PrecisePoint>& points);
+std::string EncodeConfidence(const std::vector<float>& confidence);
+std::string EncodeFunctionalMap(const FunctionalMap& map);
+
+// DATA_LOSS: another number of bytes than expected, or a vertex that Y does not
+// have.
 
 absl::StatusOr<VertexMap> DecodeMap(absl::string_view bytes, PairSize size);
 absl::StatusOr<std::vector<PrecisePoint>> DecodePreciseMap(

@@ -6,8 +6,9 @@
 
 namespace isomatch {
 
-/// A place on Y between the vertices of one of its faces. Named by vertices,
-/// not by face, since a face's number need not survive compression.
+/// A place on Y between the vertices of one of its faces, as users get it.
+/// Named by vertices, not by face as SurfacePoint is, since a face's number
+/// need not survive compression.
 struct PrecisePoint {
   /// Vertices of a face of Y, counter-clockwise; kNoVertex for no place.
   std::array<VertexIndex, 3> vertices = {kNoVertex, kNoVertex, kNoVertex};

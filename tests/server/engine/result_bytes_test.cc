@@ -1,4 +1,4 @@
-#include "client/api/result_parts.h"
+#include "core/io/result_bytes.h"
 
 #include <limits>
 #include <string>
@@ -41,7 +41,7 @@ std::string Encoded(ResultPart part) {
   return "";
 }
 
-TEST(ResultPartsTest, WhatTheServerEncodesComesBack) {
+TEST(ResultBytesTest, WhatTheServerEncodesComesBack) {
   const Correspondence found = Found();
   EXPECT_EQ(*DecodeMap(Encoded(ResultPart::kMap), kSize), found.y_from_x);
   EXPECT_EQ(*DecodeMap(Encoded(ResultPart::kAlternativeMap), kSize),
@@ -62,7 +62,7 @@ TEST(ResultPartsTest, WhatTheServerEncodesComesBack) {
   EXPECT_EQ(fmap->eigenvalues_y, found.eigenvalues_y);
 }
 
-TEST(ResultPartsTest, AnotherNumberOfBytesIsDamage) {
+TEST(ResultBytesTest, AnotherNumberOfBytesIsDamage) {
   for (const std::size_t missing : {std::size_t{1}, std::size_t{4}}) {
     const auto cut = [&](ResultPart part) {
       std::string bytes = Encoded(part);
@@ -81,7 +81,7 @@ TEST(ResultPartsTest, AnotherNumberOfBytesIsDamage) {
   EXPECT_THAT(DecodeFunctionalMap("\xFF\xFF\xFF\xFF"), Damaged("at most"));
 }
 
-TEST(ResultPartsTest, AVertexThatYLacksIsDamage) {
+TEST(ResultBytesTest, AVertexThatYLacksIsDamage) {
   const PairSize smaller = {2, 8};
   EXPECT_THAT(DecodeMap(Encoded(ResultPart::kMap), smaller),
               Damaged("names vertex 8 of Y, which has 8"));
@@ -90,7 +90,7 @@ TEST(ResultPartsTest, AVertexThatYLacksIsDamage) {
   EXPECT_THAT(DecodeMap("\xFE\xFF\xFF\xFF", {1, 8}), Damaged("4294967294"));
 }
 
-TEST(ResultPartsTest, HalfAFaceIsDamage) {
+TEST(ResultBytesTest, HalfAFaceIsDamage) {
   std::string bytes = Encoded(ResultPart::kPreciseMap);
   bytes.replace(0, 4, "\xFF\xFF\xFF\xFF");
   EXPECT_THAT(DecodePreciseMap(bytes, kSize), Damaged("expected three"));
