@@ -1,18 +1,16 @@
-// Compiled for the oldest processors alone: which functions to call is found
-// out here, and nothing newer may run before that.
-#include <atomic>
+// Compiled, as instruction_set.cc, for the oldest processors alone: which
+// functions to call is found out here, and nothing newer may run before that.
+#include "core/pipeline/matcher.h"
+
 #include <string>
 #include <unordered_map>
 #include <utility>
 #include <variant>
-#include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_join.h"
 #include "core/base/status_macros.h"
 #include "core/pipeline/instruction_set.h"
 #include "core/pipeline/joined_progress.h"
-#include "core/pipeline/matcher.h"
 #include "core/pipeline/memory_plan.h"
 #include "core/pipeline/shape_contents.h"
 #include "core/pipeline/shape_matching.h"
@@ -24,34 +22,14 @@ extern "C" const isomatch::MatchEngine* isomatch_match_engine_x86_64_v3();
 namespace isomatch {
 namespace {
 
-struct Variant {
-  const char* name;
-  const MatchEngine* engine;
-};
-
-std::vector<Variant> FindVariants() {
-  std::vector<Variant> variants;
+const MatchEngine& ChosenEngine() {
 #ifdef ISOMATCH_DISPATCH
-  __builtin_cpu_init();
-  if (__builtin_cpu_supports("x86-64-v3")) {
-    variants.push_back({"x86-64-v3", isomatch_match_engine_x86_64_v3()});
+  if (InstructionSet() != ISOMATCH_BASELINE) {
+    return *isomatch_match_engine_x86_64_v3();
   }
 #endif
-  variants.push_back({ISOMATCH_BASELINE, ISOMATCH_MATCH_ENGINE()});
-  return variants;
+  return *ISOMATCH_MATCH_ENGINE();
 }
-
-const std::vector<Variant>& Variants() {
-  static const auto& variants = *new std::vector<Variant>(FindVariants());
-  return variants;
-}
-
-std::atomic<const Variant*>& Chosen() {
-  static std::atomic<const Variant*> chosen = &Variants().front();
-  return chosen;
-}
-
-const MatchEngine& ChosenEngine() { return *Chosen().load()->engine; }
 
 absl::Status CheckSource(const ShapeSource& source, const std::string& field) {
   const auto* mesh = std::get_if<SharedMesh>(&source);
@@ -85,25 +63,6 @@ absl::Status CheckSameKey(const std::string& field, const PreparationKey& found,
 }
 
 }  // namespace
-
-std::vector<std::string> InstructionSets() {
-  std::vector<std::string> names;
-  for (const Variant& variant : Variants()) names.emplace_back(variant.name);
-  return names;
-}
-
-std::string InstructionSet() { return Chosen().load()->name; }
-
-absl::Status UseInstructionSet(absl::string_view name) {
-  for (const Variant& variant : Variants()) {
-    if (variant.name != name) continue;
-    Chosen() = &variant;
-    return absl::OkStatus();
-  }
-  return absl::InvalidArgumentError(
-      absl::StrCat("instruction set '", name, "', expected one of ",
-                   absl::StrJoin(InstructionSets(), ", ")));
-}
 
 MatchEngine CoreMatchEngine() {
   return {.prepare = Prepare,

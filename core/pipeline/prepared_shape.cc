@@ -5,7 +5,6 @@
 #include "absl/strings/str_cat.h"
 #include "core/pipeline/instruction_set.h"
 #include "core/pipeline/shape_contents.h"
-#include "core/pipeline/stage_plan.h"
 
 namespace isomatch {
 namespace {
@@ -23,20 +22,6 @@ std::int64_t SolvedBytes(const PreparedMesh& prepared) {
 }
 
 }  // namespace
-
-PreparationKey PreparationKey::Of(const MatchOptions& options) {
-  PreparationKey key;
-  key.solved_vertices = options.solved_vertices;
-  key.pool_size = options.pool_size;
-  key.eigenpairs = SpectralCount(options);
-  if (options.curvature_weight > 0) {
-    key.curvature_radius = options.curvature_radius;
-  }
-  if (options.alignment_rounds > 0) {
-    key.descriptor_radius = options.descriptor_radius;
-  }
-  return key;
-}
 
 std::string PreparationText(const MatchOptions& options) {
   const PreparationKey key = PreparationKey::Of(options);

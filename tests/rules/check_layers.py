@@ -9,56 +9,53 @@ import pathlib
 import re
 import sys
 
-BASE = {"core/base"}
-MESH = BASE | {"core/mesh"}
-GEODESIC = MESH | {"core/geodesic"}
-CORE = GEODESIC | {"core/descriptor", "core/io", "core/matching",
-                   "core/spectral", "core/alignment", "core/evaluation", "core/pipeline"}
-FILES = {"client/files", "client/picture"}
-RPC = CORE | {"server/rpc/security", "server/convert", "server/engine", "server/jobs",
-              "server/storage", "server/machine", "server/logging", "server/metrics",
-              "proto"}
-API = FILES | {"client/api", "proto"}
-
-# Layer -> the layers it may include besides itself.
-ALLOWED = {
-    "core/base": set(),
-    "core/mesh": BASE,
-    "core/io": MESH,
-    "core/geodesic": MESH,
-    "core/descriptor": MESH,
-    "core/matching": GEODESIC,
-    "core/spectral": MESH,
-    "core/alignment": MESH | {"core/spectral"},
-    "core/evaluation": GEODESIC,
-    "core/pipeline": CORE,
-    "server/logging": BASE,
-    "server/metrics": BASE,
-    "server/machine": BASE,
-    "server/storage": BASE | {"server/metrics"},
-    "server/engine": CORE | {"server/storage"},
-    "server/jobs": CORE | {"server/engine", "server/storage", "server/metrics",
-                           "server/machine"},
-    "server/convert": CORE | {"server/engine", "server/jobs", "server/storage", "proto"},
-    "server/rpc/security": BASE | {"server/jobs"},
-    "server/rpc": RPC,
-    "server/config": RPC | {"server/rpc"},
-    "server": RPC | {"server/rpc", "server/config"},
-    "client/picture": MESH,
-    "client/files": CORE | {"client/picture"},
-    "client/api": CORE | {"proto"},
-    "client/job": CORE | API,
-    "client/batch": CORE | API | {"client/job"},
-    "client/inspect": CORE | FILES | {"proto"},
-    "client/transfer": CORE | FILES,
-    "client/sample": CORE | FILES,
-    "client/viewer": CORE | {"client/picture"},
-    "client/cli": CORE | API | {"server", "server/config", "client/batch", "client/inspect",
-                                "client/job", "client/sample",
-                                "client/transfer", "client/viewer"},
-    "client/cpp": API,
-    "client": {"client/cli"},
-}
+# Layer -> the layers it includes besides itself. Each stands below it in this
+# table, so that arrows point downwards only; what is not used any more has to go.
+ALLOWED = {layer: used.split() for layer, used in {
+    "proto": "",
+    "core/base": "",
+    "core/mesh": "core/base",
+    "core/io": "core/base core/mesh",
+    "core/geodesic": "core/base core/mesh",
+    "core/descriptor": "core/base core/mesh",
+    "core/matching": "core/base core/mesh core/geodesic",
+    "core/spectral": "core/base core/mesh",
+    "core/alignment": "core/base core/mesh core/spectral",
+    "core/evaluation": "core/base core/mesh core/geodesic",
+    "core/pipeline": "core/base core/mesh core/geodesic core/descriptor core/matching"
+                     " core/spectral core/alignment core/evaluation",
+    "server/logging": "",
+    "server/metrics": "",
+    "server/machine": "core/base",
+    "server/storage": "core/base",
+    "server/engine": "core/base core/mesh core/io core/pipeline server/storage",
+    "server/jobs": "core/base core/mesh core/pipeline server/metrics server/machine"
+                   " server/storage server/engine",
+    "server/convert": "proto core/base core/mesh core/io core/pipeline server/storage"
+                      " server/engine server/jobs",
+    "server/rpc/security": "core/base server/jobs",
+    "server/rpc": "proto core/base server/logging server/metrics server/storage server/jobs"
+                  " server/convert server/rpc/security",
+    "server/config": "core/base server/machine server/jobs server/convert"
+                     " server/rpc/security server/rpc",
+    "server": "core/base core/pipeline server/logging server/metrics server/machine"
+              " server/storage server/engine server/jobs server/convert server/rpc/security"
+              " server/rpc server/config",
+    "client/picture": "core/mesh",
+    "client/files": "core/base core/mesh core/io client/picture",
+    "client/api": "proto core/base core/mesh core/io",
+    "client/job": "proto core/base core/mesh core/io core/evaluation client/files client/api",
+    "client/batch": "core/base client/files client/api client/job",
+    "client/inspect": "proto core/base core/mesh core/io core/pipeline client/files",
+    "client/transfer": "core/base core/mesh core/geodesic client/files",
+    "client/sample": "core/base core/mesh client/picture client/files",
+    "client/viewer": "core/base core/mesh core/io core/evaluation client/picture",
+    "client/cli": "proto core/base core/mesh server/config server client/picture client/files"
+                  " client/api client/job client/batch client/inspect client/transfer"
+                  " client/sample client/viewer",
+    "client/cpp": "client/files client/api",
+    "client": "client/cli",
+}.items()}
 
 # Pattern of an outside header -> the only layers that may include it.
 RESTRICTED = {
@@ -79,29 +76,35 @@ RESTRICTED = {
          "client/batch", "client/cli", "client/cpp", "client"},
 }
 
-# What folders alone do not say.
-ONLY_CALLER = {"core/pipeline/matcher.h":
-               {"server/jobs", "server/convert", "client/inspect", "core/pipeline"}}
+# What folders alone do not say: who may run the method.
+ONLY_CALLER = {"core/pipeline/matcher.h": {"server/jobs", "core/pipeline"},
+               "core/pipeline/match_engine.h":
+               {"server/engine", "server/jobs", "server", "core/pipeline"}}
 
-# Folder -> floors of its files, the lowest first, without .h and .cc; a file that
-# is not named stands on REST. A header includes none of a higher floor. Nor does a
-# .cc file, but it may use all of REST: what a word is made of is not in its header.
-REST = frozenset()
+# Folder -> floors of its files, the lowest first, without .h and .cc. A file includes
+# none of a higher floor, but for the .cc files of the lowest one, which use all but
+# the highest: what a word is made of is not in its header.
 FLOORS = {
     "core/pipeline": [
-        {"correspondence", "joined_progress", "match_options", "memory_estimate",
-         "prepared_shape", "progress", "verdict"},  # what the other folders speak of
-        REST,
-        {"match_engine", "matcher", "shape_matching"},
+        # What other folders speak of.
+        "correspondence instruction_set joined_progress match_options memory_estimate"
+        " prepared_shape progress verdict",
+        "memory_plan progress_reporter stage_plan",
+        "prepared_mesh",
+        "candidates component_matching confidence landmarks lifting preparation",
+        "conclusion prepared_shape_io shape_contents",
+        "match_run",
+        "match_engine matcher shape_matching",
     ],
     "server/rpc": [
-        {"connection_table", "grpc_status", "raw_message", "refusals",
-         "service_context"},
-        REST,
-        {"accept_loop", "create_job", "download_result", "upload_mesh", "watch_job"},
-        {"correspondence_service"},
+        "call_interceptor channel_arguments connection_table grpc_logging grpc_plugins"
+        " grpc_status health_probe listening_sockets raw_message refusals refused"
+        " service_context",
+        "accept_loop create_job download_result upload_mesh watch_job",
+        "correspondence_service",
     ],
 }
+FLOORS = {folder: [set(names.split()) for names in floors] for folder, floors in FLOORS.items()}
 
 INCLUDE = re.compile(r'^\s*#\s*include\s+[<"]([^>"]+)[>"]', re.M)
 
@@ -117,13 +120,12 @@ def layer_of(path):
 
 def floor_of(name):
     folder, _, file = name.rpartition("/")
+    stem = file.rpartition(".")[0]
     floors = FLOORS.get(folder)
     if floors is None:
         return 0
-    stem = file.rpartition(".")[0]
-    rest = floors.index(REST)
-    floor = next((i for i, names in enumerate(floors) if stem in names), rest)
-    return max(floor, rest) if file.endswith(".cc") else floor
+    floor = next((i for i, names in enumerate(floors) if stem in names), 0)
+    return len(floors) - 2 if file.endswith(".cc") and floor == 0 else floor
 
 
 def problems_of(name, text):
@@ -141,13 +143,30 @@ def problems_of(name, text):
             yield f"{name}: {layer} must not include {header}"
 
 
-def missing_of(files):
-    """Yields what FLOORS names and is not there."""
-    stems = {name.rpartition(".")[0] for name in files}
+def mismatches_of(files):
+    """Yields where FLOORS and the files of its folders differ."""
     for folder, floors in FLOORS.items():
-        for name in sorted(set().union(*floors)):
-            if f"{folder}/{name}" not in stems:
-                yield f"{folder}/{name}: a floor of check_layers.py names it, but no file is there"
+        named = set().union(*floors)
+        there = {name.rpartition("/")[2].rpartition(".")[0] for name in files
+                 if name.rpartition("/")[0] == folder}
+        for name in sorted(named - there):
+            yield f"{folder}/{name}: a floor of check_layers.py names it, but no file is there"
+        for name in sorted(there - named):
+            yield f"{folder}/{name}: no floor of check_layers.py names it"
+
+
+def unused_of(texts, allowed):
+    """Yields arrows that no include draws, and those that point upwards."""
+    used = {(layer_of(name), layer_of(header))
+            for name, text in texts.items() for header in INCLUDE.findall(text)}
+    below = set()
+    for layer, targets in allowed.items():
+        for target in targets:
+            if (layer, target) not in used:
+                yield f"check_layers.py: {layer} includes nothing of {target} any more"
+            if target not in below:
+                yield f"check_layers.py: {target} does not stand below {layer}"
+        below.add(layer)
 
 
 def check_itself():
@@ -167,19 +186,30 @@ def check_itself():
     assert fails("server/rpc/upload_mesh.cc", '"server/rpc/correspondence_service.h"')
     assert not fails("core/pipeline/prepared_mesh.h", '"core/pipeline/progress.h"')
     assert not fails("core/pipeline/memory_estimate.cc", '"core/pipeline/prepared_mesh.h"')
-    assert list(missing_of(["core/pipeline/matcher.h"]))
+    assert fails("core/pipeline/memory_estimate.cc", '"core/pipeline/matcher.h"')
+    assert fails("core/pipeline/landmarks.cc", '"core/pipeline/match_run.h"')
+    assert fails("server/convert/x.cc", '"core/pipeline/matcher.h"')
+    named = {f"{folder}/{name}.h" for folder, floors in FLOORS.items()
+             for name in set().union(*floors)}
+    assert not list(mismatches_of(named))
+    assert list(mismatches_of(named - {"core/pipeline/matcher.h"}))
+    assert list(mismatches_of(named | {"core/pipeline/x.cc"}))
+    # An arrow that nothing draws, and one upwards.
+    drawn = {"core/mesh/x.cc": '#include "core/base/y.h"'}
+    tables = [{"core/base": [], "core/mesh": ["core/base"]}, {"core/mesh": ["core/base"]}]
+    assert [bool(list(unused_of(drawn, table))) for table in tables] == [False, True]
+    assert list(unused_of({}, tables[0]))
 
 
 def main(root):
     check_itself()
     root = pathlib.Path(root)
-    files = sorted(p for top in ("core", "server", "client")
-                   for p in (root / top).rglob("*") if p.suffix in (".h", ".cc"))
-    found = [problem for p in files
-             for problem in problems_of(str(p.relative_to(root)),
-                                        p.read_text())]
-    found += missing_of([str(p.relative_to(root)) for p in files])
-    print("\n".join(found) or f"{len(files)} files respect the layers")
+    texts = {str(p.relative_to(root)): p.read_text()
+             for top in ("core", "server", "client")
+             for p in sorted((root / top).rglob("*")) if p.suffix in (".h", ".cc")}
+    found = [problem for name, text in texts.items() for problem in problems_of(name, text)]
+    found += [*mismatches_of(texts), *unused_of(texts, ALLOWED)]
+    print("\n".join(found) or f"{len(texts)} files respect the layers")
     return 1 if found else 0
 
 
