@@ -56,8 +56,9 @@ absl::StatusOr<BatchError> MeasureError(const BatchPair& pair,
                             LoadMeshFile(pair.y, "Y", weld));
   ISOMATCH_ASSIGN_OR_RETURN(const VertexMap found,
                             ReadMap(record.map_path(), y.mesh.num_vertices()));
-  ISOMATCH_ASSIGN_OR_RETURN(const MapErrors errors,
-                            MeasureMap({found}, y.mesh, pair.truth, stop));
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const MapErrors errors,
+      MeasureAgainstTruth({found}, y.mesh, pair.truth, stop));
   const double direct = errors.direct.mean_over_diameter;
   BatchError error = {direct, direct};
   if (errors.mirrored) {

@@ -63,8 +63,9 @@ absl::StatusOr<Measured> Measure(const EvaluateArguments& arguments,
   Measured measured;
   measured.is_precise = places.is_precise;
   ISOMATCH_ASSIGN_OR_RETURN(
-      measured.errors, MeasureMap({vertices, places.on_faces, &y.file_faces},
-                                  y.mesh, arguments.truth, stop));
+      measured.errors,
+      MeasureAgainstTruth({vertices, places.on_faces, &y.file_faces}, y.mesh,
+                          arguments.truth, stop));
   return measured;
 }
 

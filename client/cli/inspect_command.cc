@@ -104,7 +104,7 @@ absl::Status RunInspect(const InspectArguments& arguments,
       ISOMATCH_RETURN_IF_ERROR(Show(*report, arguments.json, terminal, meshes));
       continue;
     }
-    // The last one is told by whoever called.
+    // The caller prints the last error.
     if (!worst.ok()) {
       terminal.err << "isomatch: " << worst.message() << std::endl;
     }

@@ -141,7 +141,7 @@ absl::Status ForEachJob(const JobsArguments& arguments,
     const absl::Status status = call(client, FullJobName(word));
     if (status.ok()) continue;
     const absl::Status explained = server.Explain(status);
-    // The last words of the command tell the first; the others are told here.
+    // The command ends with the first error; the others are printed here.
     if (!first.ok()) Warn({std::string(explained.message())}, terminal);
     first.Update(explained);
     if (absl::IsUnavailable(status) || absl::IsCancelled(status)) break;

@@ -74,7 +74,7 @@ struct MatchArguments {
   bool is_summary = false;
 };
 
-absl::StatusOr<MatchResult> RunMatch(
+absl::StatusOr<MatchResult> RequestMatch(
     const std::shared_ptr<grpc::Channel>& channel, const MatchRequest& request,
     const MatchArguments& arguments, const Terminal& terminal) {
   ProgressDisplay display(
@@ -89,7 +89,7 @@ absl::StatusOr<MatchResult> RunRemote(const MatchRequest& request,
                                       const MatchArguments& arguments,
                                       const Terminal& terminal) {
   absl::StatusOr<MatchResult> result =
-      RunMatch(server.channel(), request, arguments, terminal);
+      RequestMatch(server.channel(), request, arguments, terminal);
   if (result.ok()) return result;
   return server.Explain(result.status());
 }
@@ -100,7 +100,7 @@ absl::StatusOr<MatchResult> RunEmbedded(const MatchRequest& request,
   ISOMATCH_ASSIGN_OR_RETURN(const std::unique_ptr<Server> server,
                             StartEmbeddedServer(
                                 /*workers=*/1, arguments.job.threads));
-  return RunMatch(server->InProcessChannel(), request, arguments, terminal);
+  return RequestMatch(server->InProcessChannel(), request, arguments, terminal);
 }
 
 // For a terminal that got no map.
@@ -129,8 +129,8 @@ void SetColors(const MatchArguments& arguments,
   }
 }
 
-absl::Status RunMatch(const MatchArguments& arguments,
-                      const Terminal& terminal) {
+absl::Status MatchAndWrite(const MatchArguments& arguments,
+                           const Terminal& terminal) {
   ISOMATCH_RETURN_IF_ERROR(CheckOutputs(
       arguments.outputs, {arguments.x, arguments.y, arguments.landmarks}));
   if (arguments.json &&
@@ -190,7 +190,7 @@ Command AddMatchCommand(CLI::App& app) {
               arguments->outputs.map.clear();
               arguments->is_summary = true;
             }
-            return RunMatch(*arguments, terminal);
+            return MatchAndWrite(*arguments, terminal);
           }};
 }
 

@@ -79,11 +79,11 @@ struct TransferArguments {
 // What every kind of transfer works on.
 struct Inputs {
   TriangleMesh mesh_x;
-  /// With the faces of its file.
+  /// As its file has it, before --weld.
   TriangleMesh mesh_y;
-  /// What --weld made of it.
+  /// Y after --weld.
   TriangleMesh welded_y;
-  /// As LoadedMesh has them.
+  /// What the file of Y says of them, or why it cannot be read.
   absl::StatusOr<std::optional<Colors>> colors_y;
   absl::StatusOr<std::optional<MeshTexture>> texture_y;
   PlacesOnY places;

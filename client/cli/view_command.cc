@@ -167,8 +167,8 @@ absl::Status AddError(const ViewArguments& arguments, const Terminal& terminal,
                              pair.mesh_x.num_vertices(), " vertices"));
   ISOMATCH_ASSIGN_OR_RETURN(
       const MapErrors errors,
-      MeasureMap({pair.y_from_x, pair.precise, &pair.mesh_y.faces}, welded_y,
-                 arguments.truth, terminal.stop));
+      MeasureAgainstTruth({pair.y_from_x, pair.precise, &pair.mesh_y.faces},
+                          welded_y, arguments.truth, terminal.stop));
   view.layers.push_back(ErrorLayer(pair, errors.direct));
   view.figures.push_back(ErrorFigures(errors.direct, errors.mirrored));
   return absl::OkStatus();

@@ -59,7 +59,7 @@ absl::Status CheckVertex(const std::string& path, const NumberLine& line,
                    " to ", expected.end - 1, " (0-based)"));
 }
 
-// Whom each vertex of one shape is matched to.
+// The vertex that each vertex of one shape is matched to.
 struct Partners {
   const char* shape;
   std::unordered_map<VertexIndex, VertexIndex> of;

@@ -55,7 +55,7 @@ absl::Status WithSubject(const std::string& subject,
 
 absl::Status FaultError(const std::string& subject, const MeshFault& fault) {
   return absl::InvalidArgumentError(absl::StrCat(
-      subject, fault.place.empty() ? "" : ", ", fault.place, ": ", fault.what));
+      subject, fault.where.empty() ? "" : ", ", fault.where, ": ", fault.what));
 }
 
 absl::Status CheckSoup(const PolygonSoup& soup, const char* grammar) {

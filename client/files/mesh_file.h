@@ -57,8 +57,8 @@ struct LoadedMesh {
 /// its extension. The result passes ValidateMesh.
 ///
 /// 1. Vertices keep the file's number and order, those on no face too. STL has
-///    no vertices of its own: corners at one place become one vertex, in order
-///    of first use, with a warning.
+///    no vertices of its own: corners at one position become one vertex, in
+///    order of first use, with a warning.
 /// 2. Quadrilaterals are cut along their shorter diagonal, larger polygons into
 ///    a fan around their first corner (right for convex ones), with a warning.
 /// 3. Counts in headers are compared with the file's size before anything is

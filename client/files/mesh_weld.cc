@@ -39,7 +39,7 @@ double Diagonal(const TriangleMesh& mesh) {
       .norm();
 }
 
-// Vertices by cubes of a side; those within that length of a place are in its
+// Vertices by cubes of a side; those within that length of a point are in its
 // cube and the 26 around it.
 class VertexGrid {
  public:
@@ -132,7 +132,7 @@ std::vector<bool> InsideTheSurface(const TriangleMesh& mesh) {
   return inside;
 }
 
-// Drops faces two of whose corners have one place now, unless both are on a
+// Drops faces two of whose corners have one position now, unless both are on a
 // rim, where cleaning joins them. Without such a face its corners are on one.
 void DropCollapsed(TriangleMesh* mesh) {
   const std::vector<bool> inside = InsideTheSurface(*mesh);
@@ -166,14 +166,14 @@ std::vector<int> CountFacesAtVertices(const TriangleMesh& mesh) {
 // Vertices that had faces and have none any more go back to a face of their
 // place: one takes a corner there, others get copies of that face. All are on a
 // rim then, where cleaning joins them, after which the copies repeat a face.
-// `before` counts faces of vertices, `place` names one vertex of each.
-void KeepOnFaces(const std::vector<int>& before, const VertexMap& place,
+// `before` counts faces of vertices, `joined` names one vertex of each.
+void KeepOnFaces(const std::vector<int>& before, const VertexMap& joined,
                  TriangleMesh* mesh) {
   std::vector<int> count = CountFacesAtVertices(*mesh);
   absl::flat_hash_map<VertexIndex, VertexMap> lost;
   for (std::size_t v = 0; v < count.size(); ++v) {
     if (before[v] == 0 || count[v] > 0) continue;
-    lost[place[v]].push_back(static_cast<VertexIndex>(v));
+    lost[joined[v]].push_back(static_cast<VertexIndex>(v));
   }
   if (lost.empty()) return;
   Faces& faces = mesh->faces;
@@ -181,7 +181,7 @@ void KeepOnFaces(const std::vector<int>& before, const VertexMap& place,
   for (VertexIndex f = 0; f < faces.rows(); ++f) {
     for (int corner = 0; corner < 3; ++corner) {
       const auto owner = static_cast<std::size_t>(faces(f, corner));
-      const auto found = lost.find(place[owner]);
+      const auto found = lost.find(joined[owner]);
       if (found == lost.end()) continue;
       VertexMap& vertices = found->second;
       if (count[owner] > 1) {
@@ -254,8 +254,8 @@ absl::StatusOr<VertexIndex> WeldVertices(const WeldTolerance& tolerance,
   }
   if (!(length > 0)) return 0;
   VertexGrid grid(mesh->positions, length);
-  VertexMap place(static_cast<std::size_t>(mesh->num_vertices()));
-  std::iota(place.begin(), place.end(), 0);
+  VertexMap joined(static_cast<std::size_t>(mesh->num_vertices()));
+  std::iota(joined.begin(), joined.end(), 0);
   for (VertexIndex v = 0; v < mesh->num_vertices(); ++v) {
     VertexIndex first = kNoVertex;
     grid.VisitAround(v, [&](VertexIndex w, double) {
@@ -264,19 +264,19 @@ absl::StatusOr<VertexIndex> WeldVertices(const WeldTolerance& tolerance,
     if (first == kNoVertex) {
       grid.Add(v);
     } else {
-      place[static_cast<std::size_t>(v)] = first;
+      joined[static_cast<std::size_t>(v)] = first;
     }
   }
   VertexIndex moved = 0;
   for (VertexIndex v = 0; v < mesh->num_vertices(); ++v) {
     const Eigen::RowVector3d there =
-        mesh->positions.row(place[static_cast<std::size_t>(v)]);
+        mesh->positions.row(joined[static_cast<std::size_t>(v)]);
     moved += mesh->positions.row(v) != there;
     mesh->positions.row(v) = there;
   }
   const std::vector<int> faces_before = CountFacesAtVertices(*mesh);
   DropCollapsed(mesh);
-  KeepOnFaces(faces_before, place, mesh);
+  KeepOnFaces(faces_before, joined, mesh);
   const std::string field = absl::StrFormat("--weld %g", length);
   if (mesh->num_faces() == 0) {
     return absl::InvalidArgumentError(absl::StrCat(field, " leaves no face"));

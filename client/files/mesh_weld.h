@@ -25,13 +25,13 @@ struct WeldTolerance {
 absl::StatusOr<WeldTolerance> ParseWeldTolerance(const std::string& text);
 
 /// Moves vertices to the first one of the file that is within the tolerance, so
-/// that they have one place: cleaning then joins those on rims, as it does with
-/// seams. A vertex that was moved does not draw others to itself. Numbers and
-/// count of the vertices stay, so maps are those of the file. Numbers of faces
-/// do not: those that lose their area inside the surface go, and where a vertex
-/// has none left, copies of others hold it to its place. Only what vanishes
-/// whole, a component smaller than the tolerance, is on no face any more.
-/// Returns how many vertices were moved.
+/// that they have one position: cleaning then joins those on rims, as it does
+/// with seams. A vertex that was moved does not draw others to itself. Numbers
+/// and count of the vertices stay, so maps are those of the file. Numbers of
+/// faces do not: those that lose their area inside the surface go, and where a
+/// vertex has none left, copies of others hold it to its place. Only what
+/// vanishes whole, a component smaller than the tolerance, is on no face any
+/// more. Returns how many vertices were moved.
 ///
 /// INVALID_ARGUMENT without a path: a tolerance above a tenth of the diagonal,
 /// or no face is left, or none that has an area. Time O(n).

@@ -30,9 +30,10 @@ void AppendVertices(const TriangleMesh& mesh, const Colors* colors,
   }
 }
 
-void AppendCorner(VertexIndex vertex, VertexIndex place, std::string* text) {
+void AppendCorner(VertexIndex vertex, VertexIndex coordinates,
+                  std::string* text) {
   absl::StrAppend(text, " ", vertex + 1);
-  if (place >= 0) absl::StrAppend(text, "/", place + 1);
+  if (coordinates >= 0) absl::StrAppend(text, "/", coordinates + 1);
 }
 
 // Without dots, and without links as far as it exists; `path` itself where that

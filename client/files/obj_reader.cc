@@ -105,7 +105,7 @@ class ObjReader {
     if (kind == "v") return ReadVertex(words);
     if (kind == "f") return ReadFace(words);
     if (kind == "vt") {
-      ReadPlace(words);
+      ReadCoordinates(words);
     } else if (kind == "mtllib") {
       soup_->texture.libraries.emplace_back(name);
     } else if (kind == "usemtl") {
@@ -167,32 +167,32 @@ class ObjReader {
     soup_->corners.push_back(*vertex);
     if (slash == absl::string_view::npos) return std::nullopt;
     const absl::string_view after = word.substr(slash + 1);
-    const absl::string_view place = after.substr(0, after.find('/'));
-    if (!place.empty()) ReadPlaceOfCorner(word, place);
+    const absl::string_view number = after.substr(0, after.find('/'));
+    if (!number.empty()) ReadCornerCoordinates(word, number);
     return std::nullopt;
   }
 
-  void ReadPlaceOfCorner(absl::string_view word, absl::string_view number) {
+  void ReadCornerCoordinates(absl::string_view word, absl::string_view number) {
     SoupTexture& texture = soup_->texture;
     const std::size_t count = texture.coordinates.size();
-    const auto place = ReadIndex(number, count);
-    if (!place || static_cast<std::size_t>(*place) >= count) {
+    const auto index = ReadIndex(number, count);
+    if (!index || static_cast<std::size_t>(*index) >= count) {
       return FailTexture(
           absl::StrCat("a corner's texture coordinates are ", Quoted(word),
                        ", expected V/VT with VT from 1 to ", count,
                        ", the number of lines vt so far"));
     }
     texture.coordinates_of_corner.resize(soup_->corners.size(), -1);
-    texture.coordinates_of_corner.back() = *place;
+    texture.coordinates_of_corner.back() = *index;
   }
 
-  void ReadPlace(const Words& words) {
-    std::array<double, 2> place = {0, 0};  // v may be left out
-    if (words.size() < 2 || !ReadFinite(words[1], &place[0]) ||
-        (words.size() > 2 && !ReadFinite(words[2], &place[1]))) {
+  void ReadCoordinates(const Words& words) {
+    std::array<double, 2> point = {0, 0};  // v may be left out
+    if (words.size() < 2 || !ReadFinite(words[1], &point[0]) ||
+        (words.size() > 2 && !ReadFinite(words[2], &point[1]))) {
       return FailTexture("expected `vt u v` with finite numbers");
     }
-    soup_->texture.coordinates.push_back(place);
+    soup_->texture.coordinates.push_back(point);
   }
 
   void UseMaterial(const std::string& name) {

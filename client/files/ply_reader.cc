@@ -410,7 +410,7 @@ class PlyReader {
     if (header_.format == PlyFormat::kAscii) {
       const absl::string_view taken =
           bytes_.substr(0, bytes_.size() - body_.rest().size());
-      fault_.place = absl::StrCat(
+      fault_.where = absl::StrCat(
           "line ", 1 + std::count(taken.begin(), taken.end(), '\n'));
     }
     return false;

@@ -16,7 +16,7 @@ inline constexpr std::array<const char*, 3> kAxisNames = {"x", "y", "z"};
 struct MeshFault {
   /// Where: "line 12", or of a binary file "triangle 3 (0-based)"; "" for the
   /// whole of it.
-  std::string place;
+  std::string where;
   /// What was found and what was expected.
   std::string what;
 };

@@ -11,7 +11,7 @@ namespace isomatch {
 /// A mesh and all that `isomatch inspect` says about it.
 struct InspectionReport {
   std::string path;
-  /// As LoadedMesh has it.
+  /// "OFF", "PLY" and so on.
   std::string format;
   MeshInspection mesh;
   MatchCost cost;

@@ -7,10 +7,10 @@
 
 namespace isomatch {
 
-absl::StatusOr<MapErrors> MeasureMap(const FoundMap& found,
-                                     const TriangleMesh& mesh_y,
-                                     const std::string& truth,
-                                     const std::stop_token& stop) {
+absl::StatusOr<MapErrors> MeasureAgainstTruth(const FoundMap& found,
+                                              const TriangleMesh& mesh_y,
+                                              const std::string& truth,
+                                              const std::stop_token& stop) {
   ISOMATCH_ASSIGN_OR_RETURN(
       const GroundTruth known,
       ReadGroundTruth(truth, static_cast<std::int64_t>(found.vertices.size()),

@@ -33,9 +33,9 @@ struct MapErrors {
 
 /// Measures a map into `mesh_y` against the file `truth`. Errors as
 /// ReadGroundTruth and GeodesicErrorMeter::Measure.
-absl::StatusOr<MapErrors> MeasureMap(const FoundMap& found,
-                                     const TriangleMesh& mesh_y,
-                                     const std::string& truth,
-                                     const std::stop_token& stop);
+absl::StatusOr<MapErrors> MeasureAgainstTruth(const FoundMap& found,
+                                              const TriangleMesh& mesh_y,
+                                              const std::string& truth,
+                                              const std::stop_token& stop);
 
 }  // namespace isomatch

@@ -22,7 +22,7 @@ struct MatchPaths {
 /// Y as its file has it, for what numbers its faces or shows its colors.
 struct FileOfY {
   TriangleMesh mesh;
-  /// As LoadedMesh has them.
+  /// Of each vertex of its file, or why there are none.
   absl::StatusOr<std::optional<Colors>> colors;
 };
 

@@ -37,7 +37,7 @@ struct FigureTable {
 };
 
 struct NamedMesh {
-  /// For people: the file's.
+  /// Shown above the shape: the name of its file.
   std::string name;
   TriangleMesh mesh;
 };

@@ -31,8 +31,8 @@ struct NearbyMatchOptions {
   double reach = 0.2;
   /// Only one in this many described vertices of X is looked for.
   std::int64_t every = 1;
-  /// What that distance weighs beside squared differences of descriptors, all
-  /// of it counting as 1.
+  /// Weight of the distance, a reach counting as 1, against the squared
+  /// difference of descriptors.
   double distance_weight = 0.05;
 };
 

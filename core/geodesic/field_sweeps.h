@@ -79,8 +79,8 @@ class FieldSweeps {
   std::vector<std::int64_t> first_;        ///< n + 1, of each vertex's run
   std::vector<Triangle> triangles_;        ///< by the vertex they lead to
   std::vector<std::int64_t> first_after_;  ///< n + 1, as first_, of after_
-  /// For each vertex, those to which a triangle leads whose a or b it is: their
-  /// distances may change when its own does.
+  /// For each vertex, those whose distances may change when its own does: it is
+  /// a or b of a triangle that leads to them.
   std::vector<VertexIndex> after_;
 };
 

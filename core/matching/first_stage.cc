@@ -288,7 +288,7 @@ void RegrowMirrored(const FirstStageInput& input,
   }
 }
 
-/// All rounds, the last of which is the full size.
+/// The options' rounds that are smaller than the whole, then the whole.
 std::vector<SelectionRound> AllRounds(const FirstStageOptions& options) {
   std::vector<SelectionRound> rounds;
   for (const SelectionRound& round : options.rounds) {

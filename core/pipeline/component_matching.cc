@@ -21,7 +21,7 @@ namespace {
 
 /// Cost of a whole size apart in space, against a factor of e in area: decides
 /// only between components that are otherwise alike.
-constexpr double kPlaceWeight = 0.05;
+constexpr double kPositionWeight = 0.05;
 /// What one landmark between two components takes off their cost.
 constexpr double kLandmarkGain = 100;
 constexpr int kExtremities = 4;
@@ -63,9 +63,9 @@ Component ExtractComponent(const SplitMesh& split, int position) {
 
 /// What components are told apart by.
 struct ComponentShape {
-  double log_area;           ///< of its fraction of all large ones
-  double log_length;         ///< of the longest distance found over sqrt(area)
-  Eigen::RowVector3d place;  ///< center, in sizes of the whole
+  double log_area;            ///< of its fraction of all large ones
+  double log_length;          ///< of the longest distance found over sqrt(area)
+  Eigen::RowVector3d center;  ///< center, in sizes of the whole
 };
 
 absl::StatusOr<std::vector<ComponentShape>> ShapesOf(
@@ -100,7 +100,7 @@ absl::StatusOr<std::vector<ComponentShape>> ShapesOf(
 double CostOf(const ComponentShape& x, const ComponentShape& y) {
   return std::abs(x.log_area - y.log_area) +
          std::abs(x.log_length - y.log_length) +
-         kPlaceWeight * (x.place - y.place).norm();
+         kPositionWeight * (x.center - y.center).norm();
 }
 
 /// Position in `large` of the component that a user's vertex lies in, or -1.
@@ -172,7 +172,7 @@ class Merger {
            const std::vector<std::size_t>& landmark_indices,
            const Correspondence& found) {
     const double weight = area / total_;
-    Place(x, y, found.y_from_x, &result_.y_from_x);
+    CarryMap(x, y, found.y_from_x, &result_.y_from_x);
     for (std::size_t v = 0; v < found.y_from_x.size(); ++v) {
       const VertexIndex user = x.user_from_component[v];
       PrecisePoint point = found.precise[v];
@@ -204,7 +204,8 @@ class Merger {
       if (!found.alternatives.empty()) {
         runner_up_ = {Alternative{VertexMap(mesh_x_.num_vertices(), kNoVertex),
                                   found.alternatives.front().scores}};
-        Place(x, y, found.alternatives.front().y_from_x, &runner_up_->y_from_x);
+        CarryMap(x, y, found.alternatives.front().y_from_x,
+                 &runner_up_->y_from_x);
       }
     }
     AddStages(x, y, found);
@@ -235,8 +236,8 @@ class Merger {
     return v == kNoVertex ? kNoVertex : component.user_from_component[v];
   }
 
-  static void Place(const Component& x, const Component& y,
-                    const VertexMap& y_from_x, VertexMap* map) {
+  static void CarryMap(const Component& x, const Component& y,
+                       const VertexMap& y_from_x, VertexMap* map) {
     for (std::size_t v = 0; v < y_from_x.size(); ++v) {
       (*map)[x.user_from_component[v]] = ToUser(y, y_from_x[v]);
     }
@@ -262,8 +263,8 @@ class Merger {
             {found.stage_maps[s].stage,
              VertexMap(mesh_x_.num_vertices(), kNoVertex)});
       }
-      Place(x, y, found.stage_maps[s].y_from_x,
-            &result_.stage_maps[s].y_from_x);
+      CarryMap(x, y, found.stage_maps[s].y_from_x,
+               &result_.stage_maps[s].y_from_x);
     }
   }
 

@@ -24,13 +24,13 @@ class JoinedProgress {
 
   ProgressCallback OfMatching() {
     return [this](const Progress& report) {
-      is_behind_ = is_behind_ && Place(report) <= Place(last_);
+      is_behind_ = is_behind_ && HowFar(report) <= HowFar(last_);
       if (!is_behind_ && progress_) progress_(report);
     };
   }
 
  private:
-  static std::tuple<double, Stage, double> Place(const Progress& report) {
+  static std::tuple<double, Stage, double> HowFar(const Progress& report) {
     return {report.total_fraction, report.stage, report.stage_fraction};
   }
 

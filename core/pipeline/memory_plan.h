@@ -36,8 +36,8 @@ absl::StatusOr<MemoryPlan> PlanWithinMemory(MeshSize x, MeshSize y,
                                             const MatchOptions& options,
                                             std::int64_t held_bytes = 0);
 
-/// The size of a mesh, and of what decimation left of it, where it was asked
-/// for.
+/// The size of a mesh, and of what decimation left of it; the same where none
+/// was asked for.
 struct DecimatedSize {
   MeshSize mesh;
   MeshSize left;

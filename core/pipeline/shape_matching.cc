@@ -56,7 +56,7 @@ absl::Status Split(const ShapeToPrepare& shape, const MatchOptions& options,
   return absl::OkStatus();
 }
 
-/// Fills in one or both.
+/// Fills in what the one or two shapes lack.
 absl::Status PrepareShapes(const ShapesToPrepare& shapes,
                            const MatchOptions& options,
                            const ProgressCallback& progress,
@@ -96,9 +96,8 @@ struct Request {
 };
 
 /// Each component is prepared when its turn comes.
-absl::StatusOr<Correspondence> MatchInComponents(const PreparedShape& x,
-                                                 const PreparedShape& y,
-                                                 const Request& request) {
+absl::StatusOr<Correspondence> PrepareAndMatchComponents(
+    const PreparedShape& x, const PreparedShape& y, const Request& request) {
   const MatchOptions& options = request.options;
   const std::stop_token& stop = request.stop;
   const std::array<const PreparedShape::Contents*, 2> shapes = {&x.contents(),
@@ -135,7 +134,7 @@ absl::StatusOr<Correspondence> MatchInComponents(const PreparedShape& x,
                            stop);
 }
 
-/// As one, whatever components they have.
+/// Matches the shapes as one, whatever components they have.
 absl::StatusOr<Correspondence> MatchWhole(PreparedShape& x, PreparedShape& y,
                                           const Request& request) {
   const MatchOptions& options = request.options;
@@ -218,7 +217,7 @@ absl::StatusOr<Correspondence> MatchPreparedHere(
   absl::StatusOr<Correspondence> result = absl::InternalError("not run");
   RunWithThreads(options.threads, [&] {
     result = options.match_components && MatchedByComponents(most)
-                 ? MatchInComponents(x, y, request)
+                 ? PrepareAndMatchComponents(x, y, request)
                  : MatchWhole(x, y, request);
   });
   if (result.ok()) Judge(&*result);

@@ -57,8 +57,8 @@ struct ServerConfig {
   std::int64_t memory_budget_bytes = 0;
   /// What the process may have resident. Beyond it jobs that make no progress
   /// are stopped, and the process ends when they do not: earlier than the
-  /// system would end it. 0 stands for the budget and what may be beside it, at
-  /// most 95 % of what the machine or its cgroup has.
+  /// system would end it. 0 stands for the budget and what the server itself
+  /// may take, at most 95 % of what the machine or its cgroup has.
   std::int64_t max_resident_bytes = 0;
 
   // What it keeps.
@@ -148,7 +148,7 @@ struct ServerConfig {
   static constexpr DurationRange kPartialUploadKept = {absl::Milliseconds(10),
                                                        absl::Hours(24)};
   absl::Duration partial_upload_kept = absl::Minutes(5);
-  /// A job whose client wants it so is cancelled when nobody has watched it for
+  /// A job that asks to be cancelled when nobody watches it is cancelled after
   /// this long; see DisconnectGuard.
   absl::Duration unwatched_grace = absl::Seconds(10);
   /// Terminal jobs that are remembered; the oldest go first.

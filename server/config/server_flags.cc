@@ -62,7 +62,7 @@ void AddNetworkFlags(FlagSet& flags, ServerConfig& config) {
                   "address");
   flags.AddText("--metrics-listen", config.metrics_listen, "ADDRESS",
                 "HOST:PORT of the metrics for Prometheus, in plain HTTP; port "
-                "0 picks a free one, off is none");
+                "0 picks a free one, off means none");
   flags.AddSwitch("--insecure-metrics", config.insecure_metrics,
                   "Allow --metrics-listen beyond this machine");
   flags.AddSwitch("--no-reflection", config.no_reflection,
@@ -123,8 +123,8 @@ void AddResourceFlags(FlagSet& flags, ServerConfig& config) {
   flags.AddBytes("--max-resident-bytes", config.max_resident_bytes,
                  ServerConfig::kMemoryBudgetBytes,
                  "Memory of the process beyond which jobs are stopped, and the "
-                 "process if that does not help; 0 is the budget and what may "
-                 "be beside it");
+                 "process if that does not help; 0 is the budget and what the "
+                 "server itself may take");
 }
 
 /// Where a service keeps its state: systemd's, or the user's by XDG's rules.
@@ -224,9 +224,9 @@ void AddTenantFlags(FlagSet& flags, ServerConfig& config) {
 
 void AddOperationFlags(FlagSet& flags, ServerConfig& config) {
   flags.BeginGroup("Operation");
-  flags.AddDuration("--max-run-time", config.max_run_time,
-                    ServerConfig::kMaxRunTime,
-                    "What a job may run, whatever it asks for; 0 for no limit");
+  flags.AddDuration(
+      "--max-run-time", config.max_run_time, ServerConfig::kMaxRunTime,
+      "Most time that a job may run, whatever it asks for; 0 for no limit");
   flags.AddDuration("--unresponsive-grace", config.unresponsive_grace,
                     ServerConfig::kUnresponsiveGrace,
                     "What a job may take to stop once it was asked to; then "
@@ -247,8 +247,8 @@ void AddOperationFlags(FlagSet& flags, ServerConfig& config) {
                     "An upload that broke off can go on within this time");
   flags.AddDuration("--unwatched-grace", config.unwatched_grace,
                     ServerConfig::kStreamTimes,
-                    "A job whose client wants it so is cancelled when nobody "
-                    "has watched it for this long");
+                    "A job that asks to be cancelled when nobody watches it is "
+                    "cancelled after this long");
   flags.AddText("--log-level", config.log_level, "LEVEL",
                 "trace, debug, info, warn, error, critical or off");
   flags.AddText("--log-format", config.log_format, "FORMAT",

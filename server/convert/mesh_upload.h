@@ -44,13 +44,14 @@ class MeshUpload {
   /// STORAGE_QUOTA).
   absl::Status End();
 
-  /// Keeps the bytes of an upload that goes on later; nothing when it is over.
+  /// Keeps the bytes of an upload that goes on later; does nothing after the
+  /// end.
   void BreakOff();
 
   /// True when the server has the mesh already and needs no chunks.
   bool known() const { return known_; }
 
-  /// As the header says.
+  /// What the upload's header says its bytes are.
   const v1::Digest& digest() const { return digest_; }
 
  private:

@@ -9,11 +9,11 @@
 
 namespace isomatch {
 
-/// Whose doing it was that a process went down.
+/// Which jobs took a process down.
 struct Blame {
-  /// It was somebody's, though perhaps of none of those that ran.
+  /// A job did it, though perhaps none of those that ran then.
   bool is_known = false;
-  /// Those of the jobs that ran that did it.
+  /// The jobs that did it.
   std::set<std::string> jobs = {};
 };
 

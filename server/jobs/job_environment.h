@@ -83,7 +83,8 @@ struct JobEnvironment {
   Executor* workers = nullptr;
   /// For timeouts, so that they do not wait for a worker.
   Executor* timers = nullptr;
-  /// One thread for what waits for the disk; null: whichever is at it.
+  /// One thread for what waits for the disk; null: that is done in the thread
+  /// that has it to do.
   Executor* disk = nullptr;
   /// For JobWatchdog; null: there is none.
   Executor* watch = nullptr;

@@ -43,7 +43,7 @@ class JobExecution {
  private:
   /// How far a run came.
   struct Progress {
-    /// Once it is RUNNING.
+    /// Set once the job is RUNNING.
     std::optional<JobRecord> started;
     /// Bytes of the whole result, and the parts of it that are stored.
     std::int64_t result_bytes = 0;

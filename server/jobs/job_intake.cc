@@ -81,8 +81,8 @@ void JobIntake::GiveSeatBack(const std::string& tenant) {
 }
 
 absl::Status JobIntake::CheckRoomLocked(const std::string& tenant) const {
-  // A job has its seat until it is in the queue: it may count twice for a
-  // moment, but never not at all.
+  // A job keeps its seat until it is in the queue: for a moment it may count
+  // twice, and at no time does it count as none.
   const QueueRoom room = scheduler_.RoomFor(tenant);
   if (room.draining) return Draining(kRetryDraining);
   const int waiting = room.queued_jobs + static_cast<int>(seated_.size());

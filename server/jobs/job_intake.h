@@ -63,7 +63,7 @@ class JobIntake {
   JobRetention& retention_;
   JobScheduler& scheduler_;
   mutable Mutex mutex_;
-  /// The tenants of the seats that are taken, each as often as it has some.
+  /// The tenant of each seat that is taken.
   std::multiset<std::string> seated_ ABSL_GUARDED_BY(mutex_);
 };
 

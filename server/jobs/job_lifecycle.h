@@ -37,7 +37,7 @@ class JobLifecycle {
   JobLifecycle(const JobEnvironment& environment, JobRetention* retention,
                std::function<void(const std::string& id)> cancel);
 
-  /// Who is told of changes; see there.
+  /// Those who follow jobs.
   Watchers& watchers() { return watchers_; }
   DisconnectGuard& guard() { return guard_; }
 

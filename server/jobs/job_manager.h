@@ -118,7 +118,7 @@ class JobManager {
   absl::StatusOr<JobPart> GetPart(const Caller& caller, const std::string& id,
                                   ResultPart part) const;
 
-  /// Who is told of changes; see there.
+  /// Those who follow jobs.
   Watchers& watchers() { return lifecycle_.watchers(); }
 
   JobLoad load() const { return scheduler_.load(); }
@@ -140,7 +140,7 @@ class JobManager {
   bool has_stopped() const { return stopped_; }
 
  private:
-  // One that was there before.
+  // Of the process before this one, from what it left in the stores.
   Blame FindBlame(const std::vector<JobRecord>& records);
   void TakeUp(const JobRecord& record, const Blame& blame);
 

@@ -45,8 +45,8 @@ struct LiveJob {
   /// It does not start for now; how often that was so.
   bool is_held = false;
   int times_held = 0;
-  /// What its result takes, while it is held for that; else its inputs cannot
-  /// be read, so often one after the other.
+  /// Why it is held: room for a result of so many bytes is missing, or 0 and
+  /// its inputs could not be read this many times in a row.
   std::int64_t awaited_bytes = 0;
   int unreadable = 0;
   /// Runs out at the queue timeout or, once the job runs, at the run timeout.

@@ -78,7 +78,7 @@ class RunMeter {
 };
 
 /// Why a match failed, as calls say it.
-absl::Status WithReason(const absl::Status& status) {
+absl::Status MatchFailure(const absl::Status& status) {
   if (absl::IsResourceExhausted(status)) return OutOfMemory(status.message());
   if (!absl::IsInvalidArgument(status)) return status;
   const std::string problem(status.message());
@@ -146,7 +146,7 @@ absl::StatusOr<RunOutcome> JobRunner::Run(const LoadSpec& load,
     const MeshSize size_y = SizeOf(spec.mesh_y);
     absl::StatusOr<Correspondence> found =
         MatchWithCache(engine_, spec, cache_, report, stop);
-    if (!found.ok()) return WithReason(found.status());
+    if (!found.ok()) return MatchFailure(found.status());
     RunOutcome outcome;
     outcome.parts = EncodeParts(*found);
     outcome.result.info = describe_(spec, size_x, size_y, *found);

@@ -25,8 +25,7 @@ struct RunOutcome {
   JobResult result;
 };
 
-/// Runs the method on one job: the only caller of core/pipeline.
-/// Thread-safe.
+/// Runs the method on one job, by way of a MatchEngine. Thread-safe.
 class JobRunner {
  public:
   using Clock = std::function<absl::Time()>;

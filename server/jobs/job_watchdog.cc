@@ -14,7 +14,8 @@ namespace {
 
 constexpr absl::Duration kWatchInterval = absl::Milliseconds(200);
 
-/// Where memory grows without end there is no time for more.
+/// How long a job that was asked to stop for its memory may take: memory that
+/// grows without end leaves no more time.
 constexpr absl::Duration kMemoryGrace = absl::Seconds(2);
 
 /// A job that told of its progress within this time is not the one that grows,

@@ -22,7 +22,7 @@ class RunningJobs {
   explicit RunningJobs(std::function<absl::Duration()> clock)
       : clock_(std::move(clock)) {}
 
-  /// With what was resident then.
+  /// `resident_bytes`: of the process when the job began.
   void Begin(const std::string& id, std::int64_t resident_bytes);
   void SetAttempt(const std::string& id, std::int32_t attempt);
   void OnProgress(const std::string& id);

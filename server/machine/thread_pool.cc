@@ -39,7 +39,7 @@ void Wait(const std::shared_ptr<steady_timer>& timer, const Task& task) {
       });
 }
 
-/// Unless nobody holds the timer any more.
+/// Sets the timer anew; does nothing when nobody holds it any more.
 void WaitAgain(const std::weak_ptr<steady_timer>& weak, const Task& task) {
   while (const auto timer = weak.lock()) {
     try {

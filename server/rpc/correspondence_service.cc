@@ -49,7 +49,7 @@ grpc::ServerUnaryReactor* Finish(grpc::CallbackServerContext* call,
   return reactor;
 }
 
-/// Those that there are: 0 stands for none.
+/// A limit as the API tells it: 0 for none.
 template <typename Unsigned, typename Limit>
 Unsigned LimitOrZero(Limit limit) {
   return limit == std::numeric_limits<Limit>::max()

@@ -25,7 +25,7 @@ grpc::ByteBuffer TakeBytes(const grpc::ByteBuffer* request);
 /// bytes beside those that came, also one that nobody knows.
 struct RawBounds {
   std::size_t max_bytes;
-  /// Those of its messages included.
+  /// Fields of the message and of all messages in it.
   int max_fields;
 };
 

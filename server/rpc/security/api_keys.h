@@ -57,8 +57,8 @@ NewApiKey MakeApiKey(const std::string& name, const Caller& caller,
 class ApiKeys {
  public:
   using Clock = std::function<absl::Time()>;
-  /// Told about each change of the file once: OK when its keys hold now, else
-  /// why those before stay.
+  /// Called once for each change of the file: OK when its keys are used now,
+  /// else why the ones before are used on.
   using OnReload = std::function<void(const absl::Status&)>;
 
   /// INVALID_ARGUMENT: the file cannot be read or parsed.

@@ -20,8 +20,8 @@ namespace isomatch {
 /// connection until it finds something better.) Thread-safe.
 class CertificateWatcher {
  public:
-  /// Told about each change of the files once: OK when they hold now, else why
-  /// those before stay. Called from the watcher's thread.
+  /// Called once for each change of the files: OK when they are used now, else
+  /// why the ones before are used on. Called from the watcher's thread.
   using OnReload = std::function<void(const absl::Status&)>;
 
   /// Errors as ReadTlsFiles. REQUIRES: as there.

@@ -32,7 +32,7 @@ int NoPassword(char*, int, int, void*) { return -1; }
 
 absl::Status Wrong(absl::string_view field, const std::string& path,
                    absl::string_view expected) {
-  // What OpenSSL has noted of it would confuse who asks next in this thread.
+  // The next call in this thread would take OpenSSL's error for its own.
   ERR_clear_error();
   return absl::InvalidArgumentError(
       absl::StrCat(field, " = ", path, ", expected ", expected));
