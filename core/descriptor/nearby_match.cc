@@ -48,8 +48,7 @@ absl::StatusOr<ShapeDescriptors> DescribeShape(const DescribedSurface& surface,
 }
 
 absl::StatusOr<VertexMap> MatchNearby(const ShapeDescriptors& x,
-                                      const ShapeDescriptors& y,
-                                      const DescribedSurface& surface_y,
+                                      const DescribedShape& y,
                                       const VertexMap& y_from_x,
                                       const NearbyMatchOptions& options,
                                       const std::stop_token& stop) {
@@ -61,10 +60,10 @@ absl::StatusOr<VertexMap> MatchNearby(const ShapeDescriptors& x,
     double least = std::numeric_limits<double>::infinity();
     const VertexIndex image = y_from_x[x.vertices[i]];
     for (const auto& [v, distance] : around->Around(image, options.reach)) {
-      const int column = y.column_of_vertex[v];
+      const int column = y.descriptors.column_of_vertex[v];
       if (column < 0) continue;
       const double unlikeness =
-          Unlikeness(x.columns.col(i), y.columns.col(column),
+          Unlikeness(x.columns.col(i), y.descriptors.columns.col(column),
                      per_square * distance * distance, least);
       if (unlikeness >= least) continue;
       least = unlikeness;
@@ -76,7 +75,7 @@ absl::StatusOr<VertexMap> MatchNearby(const ShapeDescriptors& x,
       (static_cast<std::int64_t>(x.vertices.size()) + options.every - 1) /
       options.every;
   ISOMATCH_RETURN_IF_ERROR(
-      ParallelForWithBall(surface_y.mesh, surface_y.stars, count, stop,
+      ParallelForWithBall(y.surface.mesh, y.surface.stars, count, stop,
                           [&](std::int64_t i, ConnectedBall* around) {
                             matches[x.vertices[i * options.every]] =
                                 most_alike(i * options.every, around);

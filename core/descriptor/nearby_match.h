@@ -26,6 +26,12 @@ absl::StatusOr<ShapeDescriptors> DescribeShape(const DescribedSurface& surface,
                                                double radius,
                                                const std::stop_token& stop);
 
+/// A surface with those of its vertices. References must outlive it.
+struct DescribedShape {
+  const ShapeDescriptors& descriptors;
+  const DescribedSurface& surface;
+};
+
 struct NearbyMatchOptions {
   /// How far from its image a better one is looked for, mesh units of Y.
   double reach = 0.2;
@@ -40,8 +46,7 @@ struct NearbyMatchOptions {
 /// Y near where `y_from_x` (dense) sends it, the most alike one; kNoVertex for
 /// the others, and where nothing near is described.
 absl::StatusOr<VertexMap> MatchNearby(const ShapeDescriptors& x,
-                                      const ShapeDescriptors& y,
-                                      const DescribedSurface& surface_y,
+                                      const DescribedShape& y,
                                       const VertexMap& y_from_x,
                                       const NearbyMatchOptions& options,
                                       const std::stop_token& stop);

@@ -128,20 +128,20 @@ double AreaDistortion(const TriangleMesh& mesh_x, const Positions& images) {
 absl::StatusOr<MapMeasures> MeasureMap(const TriangleMesh& mesh_x,
                                        const BasisPoints& basis_x,
                                        const TriangleMesh& mesh_y,
-                                       absl::Span<const VertexIndex> y_from_x,
-                                       const Positions& images,
+                                       const MeasuredMap& map,
                                        const std::stop_token& stop) {
   const DistanceFieldSolver solver_y(mesh_y, stop);
   MapMeasures measures;
   const double edge = std::max(MeanEdgeLength(mesh_x), MeanEdgeLength(mesh_y));
   ISOMATCH_RETURN_IF_ERROR(RunBoth(
       [&] {
-        return MeasureDistances(basis_x, solver_y, y_from_x, stop, &measures);
+        return MeasureDistances(basis_x, solver_y, map.y_from_x, stop,
+                                &measures);
       },
       [&] {
-        measures.coverage = Coverage(solver_y, mesh_y, y_from_x,
+        measures.coverage = Coverage(solver_y, mesh_y, map.y_from_x,
                                      static_cast<float>(kReachInEdges * edge));
-        measures.area_distortion = AreaDistortion(mesh_x, images);
+        measures.area_distortion = AreaDistortion(mesh_x, map.images);
         return CheckNotCancelled(stop);
       }));
   return measures;

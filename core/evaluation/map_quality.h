@@ -27,17 +27,23 @@ struct MapMeasures {
   double area_distortion = 0;
 };
 
-/// Measures a dense map between clean meshes of equal area. `images` (n_X x 3)
-/// are the places on Y that X's vertices go to, y_from_x the vertices next to
-/// them. Distances between components count as the largest finite one.
+/// A dense map.
+struct MeasuredMap {
+  /// The vertices of Y next to the images.
+  absl::Span<const VertexIndex> y_from_x;
+  /// n_X x 3: where on Y the vertices of X go.
+  const Positions& images;
+};
+
+/// Measures a map between clean meshes of equal area. Distances between
+/// components count as the largest finite one.
 ///
 /// Anchors are the first 24, or fewer, of `basis_x`, farthest points of X whose
 /// distance fields are there. CANCELLED after `stop`. Time O(n).
 absl::StatusOr<MapMeasures> MeasureMap(const TriangleMesh& mesh_x,
                                        const BasisPoints& basis_x,
                                        const TriangleMesh& mesh_y,
-                                       absl::Span<const VertexIndex> y_from_x,
-                                       const Positions& images,
+                                       const MeasuredMap& map,
                                        const std::stop_token& stop);
 
 }  // namespace isomatch

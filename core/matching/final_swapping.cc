@@ -68,8 +68,8 @@ std::vector<VertexIndex> NearestOf(const HashedShape& shape, VertexIndex v,
 
 /// The matched vertices of least contribution, smallest index first.
 absl::StatusOr<std::vector<VertexIndex>> WorstContributors(
-    const HashedShape& shape_x, const HashedShape& shape_y, double fraction,
-    const PartialVertexMap& map, const std::stop_token& stop) {
+    const HashedPair& shapes, double fraction, const PartialVertexMap& map,
+    const std::stop_token& stop) {
   std::vector<std::pair<double, VertexIndex>> ranked;
   for (std::size_t i = 0; i < map.y_from_x.size(); ++i) {
     if (map.y_from_x[i] == kNoVertex) continue;
@@ -78,7 +78,7 @@ absl::StatusOr<std::vector<VertexIndex>> WorstContributors(
   ISOMATCH_RETURN_IF_ERROR(ParallelFor(
       static_cast<std::int64_t>(ranked.size()), stop, [&](std::int64_t i) {
         auto& [contribution, x] = ranked[i];
-        contribution = Contribution(shape_x, shape_y, map, x);
+        contribution = Contribution(shapes.x, shapes.y, map, x);
       }));
   std::sort(ranked.begin(), ranked.end());
   ranked.resize(static_cast<std::size_t>(fraction * ranked.size()));
@@ -92,10 +92,10 @@ absl::StatusOr<std::vector<VertexIndex>> WorstContributors(
 /// Exchanges images among the worst matches, one after the other.
 class FinalSwapping {
  public:
-  FinalSwapping(const HashedShape& shape_x, const HashedShape& shape_y,
-                std::vector<VertexIndex> worst, PartialVertexMap* map)
-      : shape_x_(shape_x),
-        shape_y_(shape_y),
+  FinalSwapping(const HashedPair& shapes, std::vector<VertexIndex> worst,
+                PartialVertexMap* map)
+      : shape_x_(shapes.x),
+        shape_y_(shapes.y),
         worst_(std::move(worst)),
         map_(*map),
         number_(map->y_from_x.size(), kNone),
@@ -105,22 +105,22 @@ class FinalSwapping {
     }
   }
 
-  absl::Status Run(const std::function<void(double)>& progress,
-                   const std::stop_token& stop) {
+  absl::Status Run(const Control& control) {
     // Exchanges change images, not which vertices are matched: who is around
     // whom stays.
     ISOMATCH_RETURN_IF_ERROR(ParallelFor(
-        static_cast<std::int64_t>(worst_.size()), stop, [&](std::int64_t i) {
+        static_cast<std::int64_t>(worst_.size()), control.stop,
+        [&](std::int64_t i) {
           around_[i] =
               NearestOf(shape_x_, worst_[i],
                         MatchedAround(shape_x_, map_, worst_[i]), kMostMatched);
         }));
     for (std::size_t i = 0; i < worst_.size(); ++i) {
-      ISOMATCH_RETURN_IF_ERROR(CheckNotCancelled(stop));
+      ISOMATCH_RETURN_IF_ERROR(CheckNotCancelled(control.stop));
       SwapWithBest(worst_[i]);
-      if (progress) progress(double(i + 1) / worst_.size());
+      if (control.progress) control.progress(double(i + 1) / worst_.size());
     }
-    return CheckNotCancelled(stop);
+    return CheckNotCancelled(control.stop);
   }
 
  private:
@@ -197,15 +197,12 @@ double Contribution(const HashedShape& shape_x, const HashedShape& shape_y,
   return sum;
 }
 
-absl::Status SwapWorst(const HashedShape& shape_x, const HashedShape& shape_y,
-                       double fraction,
-                       const std::function<void(double)>& progress,
-                       const std::stop_token& stop, PartialVertexMap* map) {
+absl::Status SwapWorst(const HashedPair& shapes, double fraction,
+                       const Control& control, PartialVertexMap* map) {
   ISOMATCH_ASSIGN_OR_RETURN(
       std::vector<VertexIndex> worst,
-      WorstContributors(shape_x, shape_y, fraction, *map, stop));
-  return FinalSwapping(shape_x, shape_y, std::move(worst), map)
-      .Run(progress, stop);
+      WorstContributors(shapes, fraction, *map, control.stop));
+  return FinalSwapping(shapes, std::move(worst), map).Run(control);
 }
 
 }  // namespace isomatch

@@ -1,9 +1,7 @@
 #pragma once
 
-#include <functional>
-#include <stop_token>
-
 #include "absl/status/status.h"
+#include "core/base/control.h"
 #include "core/matching/second_stage.h"
 
 namespace isomatch {
@@ -24,11 +22,9 @@ double Contribution(const HashedShape& shape_x, const HashedShape& shape_y,
 /// as the paper may mean it, every vertex near a tip gains by moving inwards,
 /// and right maps are torn up.
 ///
-/// The sum of the two contributions never falls in an exchange. `progress`,
-/// when set, is called with a fraction in (0, 1]. CANCELLED after `stop`.
-absl::Status SwapWorst(const HashedShape& shape_x, const HashedShape& shape_y,
-                       double fraction,
-                       const std::function<void(double)>& progress,
-                       const std::stop_token& stop, PartialVertexMap* map);
+/// The sum of the two contributions never falls in an exchange. Reports
+/// fractions in (0, 1]. CANCELLED after control.stop.
+absl::Status SwapWorst(const HashedPair& shapes, double fraction,
+                       const Control& control, PartialVertexMap* map);
 
 }  // namespace isomatch

@@ -42,10 +42,10 @@ struct Anchor {
 
 class SecondStage {
  public:
-  SecondStage(const HashedShape& shape_x, const HashedShape& shape_y,
-              const SecondStageOptions& options, PartialVertexMap* map)
-      : shape_x_(shape_x),
-        shape_y_(shape_y),
+  SecondStage(const HashedPair& shapes, const SecondStageOptions& options,
+              PartialVertexMap* map)
+      : shape_x_(shapes.x),
+        shape_y_(shapes.y),
         options_(options),
         map_(*map),
         is_candidate_(map->x_from_y.size(), false) {}
@@ -178,12 +178,9 @@ std::vector<VertexIndex> MergedEnvironment(const HashedShape& shape,
   return merged;
 }
 
-absl::Status RunSecondStage(const HashedShape& shape_x,
-                            const HashedShape& shape_y,
+absl::Status RunSecondStage(const HashedPair& shapes,
                             const SecondStageOptions& options,
-                            RandomStream* random,
-                            const std::function<void(double)>& progress,
-                            const std::stop_token& stop,
+                            RandomStream* random, const Control& control,
                             PartialVertexMap* map) {
   const std::vector<VertexIndex> order =
       ShuffledUnmatched(map->y_from_x, random);
@@ -192,13 +189,15 @@ absl::Status RunSecondStage(const HashedShape& shape_x,
   const std::size_t matched = map->y_from_x.size() - order.size();
   const auto wanted = static_cast<std::size_t>(options.fraction * smaller);
   const std::size_t count = wanted > matched ? wanted - matched : 0;
-  SecondStage stage(shape_x, shape_y, options, map);
+  SecondStage stage(shapes, options, map);
   for (std::size_t i = 0; i < count; ++i) {
-    ISOMATCH_RETURN_IF_ERROR(CheckNotCancelled(stop));
+    ISOMATCH_RETURN_IF_ERROR(CheckNotCancelled(control.stop));
     if (!stage.Insert(order[i])) break;
-    if (progress && i % kReportEvery == 0) progress(double(i + 1) / count);
+    if (control.progress && i % kReportEvery == 0) {
+      control.progress(double(i + 1) / count);
+    }
   }
-  return CheckNotCancelled(stop);
+  return CheckNotCancelled(control.stop);
 }
 
 }  // namespace isomatch

@@ -1,11 +1,10 @@
 #pragma once
 
 #include <cstdint>
-#include <functional>
-#include <stop_token>
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "core/base/control.h"
 #include "core/base/random_stream.h"
 #include "core/base/vertex_index.h"
 #include "core/geodesic/basis_points.h"
@@ -32,6 +31,10 @@ struct HashedShape {
   const Closeness& closeness;
   const Environments& environments;  ///< over all vertices, in their order
 };
+struct HashedPair {
+  HashedShape x;
+  HashedShape y;
+};
 
 /// E(v): the vertices in the environments of v's `count` nearest basis points,
 /// each once, in increasing order (paper, Section 3.3.2, step 1).
@@ -54,14 +57,12 @@ struct SecondStageOptions {
 /// vertices near it, among the unmatched vertices near their images; where
 /// there is none, the environments grow by 3 basis points at a time.
 ///
-/// Injective afterward if it was before. `progress`, when set, is called with
-/// a fraction in (0, 1]. CANCELLED after `stop`.
+/// Injective afterward if it was before. Reports fractions in (0, 1].
+/// CANCELLED after control.stop.
 /// Time O(n (max_candidates + sqrt(n)) max_matched |Z|).
-absl::Status RunSecondStage(const HashedShape& shape_x,
-                            const HashedShape& shape_y,
+absl::Status RunSecondStage(const HashedPair& shapes,
                             const SecondStageOptions& options,
-                            RandomStream* random,
-                            const std::function<void(double)>& progress,
-                            const std::stop_token& stop, PartialVertexMap* map);
+                            RandomStream* random, const Control& control,
+                            PartialVertexMap* map);
 
 }  // namespace isomatch

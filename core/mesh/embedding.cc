@@ -36,37 +36,36 @@ VertexMap NearestByEdges(const VertexStars& fine_stars, VertexIndex num_fine,
 }
 
 absl::StatusOr<Embedding> EmbedInCoarse(const StarredMesh& fine,
-                                        const Faces& coarse_faces,
-                                        const VertexStars& coarse_stars,
-                                        const VertexMap& fine_from_coarse,
+                                        const CoarseSurface& surface,
                                         const VertexMap& starts,
                                         const std::stop_token& stop) {
   const VertexIndex n = fine.mesh.num_vertices();
   const TriangleMesh coarse = {
-      fine.mesh.positions(fine_from_coarse, Eigen::all), coarse_faces};
+      fine.mesh.positions(surface.fine_from_coarse, Eigen::all), surface.faces};
   const PointColumns fine_columns =
       fine.mesh.positions.transpose().cast<float>();
   const PointColumns coarse_columns =
       coarse.positions.transpose().cast<float>();
   const Eigen::VectorXd no_areas;
   const PointsOnSurface from = {fine.stars, no_areas, fine_columns};
-  const PointsOnSurface to = {coarse_stars, no_areas, coarse_columns};
+  const PointsOnSurface to = {surface.stars, no_areas, coarse_columns};
   Embedding embedding;
   embedding.points.resize(n);
   ISOMATCH_RETURN_IF_ERROR(ParallelForVertices(n, stop, [&](VertexIndex v) {
     const VertexIndex nearest = DescendOverEdges(from, to, v, starts[v], {});
     // The nearest vertex need not be a corner of the nearest face.
     std::vector<VertexIndex> around;
-    for (const VertexIndex c : coarse_stars.SomeNeighbors(nearest)) {
-      const auto faces = coarse_stars.SomeFaces(c);
+    for (const VertexIndex c : surface.stars.SomeNeighbors(nearest)) {
+      const auto faces = surface.stars.SomeFaces(c);
       around.insert(around.end(), faces.begin(), faces.end());
     }
     embedding.points[v] =
         NearestOnFaces(coarse, around, fine.mesh.positions.row(v));
   }));
-  embedding.faces = coarse_faces;
+  embedding.faces = surface.faces;
   for (Eigen::Index i = 0; i < embedding.faces.size(); ++i) {
-    embedding.faces.data()[i] = fine_from_coarse[embedding.faces.data()[i]];
+    embedding.faces.data()[i] =
+        surface.fine_from_coarse[embedding.faces.data()[i]];
   }
   return embedding;
 }

@@ -28,14 +28,18 @@ struct Embedding {
 /// REQUIRES: every vertex is on one.
 Embedding EmbedInItself(const StarredMesh& surface);
 
+/// A mesh of some vertices of a finer one. References must outlive it.
+struct CoarseSurface {
+  const Faces& faces;
+  const VertexStars& stars;
+  const VertexMap& fine_from_coarse;
+};
+
 /// Finds for each vertex of `fine` the nearest point of a coarse mesh around
-/// it. `coarse_faces` and `coarse_stars` are of the coarse mesh, whose vertices
-/// are those of `fine` that `fine_from_coarse` names; `starts` are coarse
-/// vertices near the fine ones. CANCELLED after `stop`. Time O(n).
+/// it; `starts` are coarse vertices near the fine ones. CANCELLED after `stop`.
+/// Time O(n).
 absl::StatusOr<Embedding> EmbedInCoarse(const StarredMesh& fine,
-                                        const Faces& coarse_faces,
-                                        const VertexStars& coarse_stars,
-                                        const VertexMap& fine_from_coarse,
+                                        const CoarseSurface& coarse,
                                         const VertexMap& starts,
                                         const std::stop_token& stop);
 

@@ -91,7 +91,7 @@ absl::Status CandidateChoice::Filter(VertexMap* y_from_x) const {
   VertexMap matches = *y_from_x;
   if (described() && options_.wavelet_rounds > 0) {
     ISOMATCH_ASSIGN_OR_RETURN(
-        matches, MatchNearby(*descriptors_[kX], *descriptors_[kY], surface_y_,
+        matches, MatchNearby(*descriptors_[kX], {*descriptors_[kY], surface_y_},
                              *y_from_x, NearbyMatchOptions(), stop_));
   }
   for (int round = 0; round < options_.wavelet_rounds; ++round) {
@@ -196,7 +196,7 @@ absl::StatusOr<std::vector<float>> CandidateChoice::DescriptorOffsets(
   if (!described()) return offsets;
   ISOMATCH_ASSIGN_OR_RETURN(
       const VertexMap alike,
-      MatchNearby(*descriptors_[kX], *descriptors_[kY], surface_y_, y_from_x,
+      MatchNearby(*descriptors_[kX], {*descriptors_[kY], surface_y_}, y_from_x,
                   {.reach = kOffsetReach, .every = kOffsetEvery}, stop_));
   for (std::size_t x = 0; x < alike.size(); ++x) {
     if (alike[x] == kNoVertex) continue;

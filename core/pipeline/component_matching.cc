@@ -363,13 +363,13 @@ absl::StatusOr<std::vector<ComponentPair>> PairComponents(
 }
 
 absl::StatusOr<Correspondence> MatchByComponents(
-    const TriangleMesh& mesh_x, const SplitMesh& split_x,
-    const SplitMesh& split_y, absl::Span<const Landmark> landmarks,
-    const MatchOne& match_one, const ProgressCallback& progress,
-    const std::stop_token& stop) {
+    const SplitPair& pair, absl::Span<const Landmark> landmarks,
+    const MatchOne& match_one, const MatchControl& control) {
+  const auto& [mesh_x, split_x, split_y] = pair;
   ISOMATCH_RETURN_IF_ERROR(CheckOnFaces(split_x, split_y, landmarks));
-  ISOMATCH_ASSIGN_OR_RETURN(const std::vector<ComponentPair> pairs,
-                            PairComponents(split_x, split_y, landmarks, stop));
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const std::vector<ComponentPair> pairs,
+      PairComponents(split_x, split_y, landmarks, control.stop));
   Merger merger(mesh_x, split_x, split_y, landmarks);
   for (std::size_t i = 0; i < pairs.size(); ++i) {
     const Component x = ExtractComponent(split_x, pairs[i].x);
@@ -389,18 +389,18 @@ absl::StatusOr<Correspondence> MatchByComponents(
       indices.push_back(l);
     }
     const auto component_progress = [&](const Progress& of_component) {
-      if (!progress) return;
+      if (!control.progress) return;
       Progress whole = of_component;
       whole.total_fraction = (double(i) + of_component.total_fraction) /
                              static_cast<double>(pairs.size());
-      progress(whole);
+      control.progress(whole);
     };
     ISOMATCH_ASSIGN_OR_RETURN(
         const Correspondence found,
         match_one(x.mesh, y.mesh, own, component_progress));
     merger.Add(x, y, split_x.areas[pairs[i].x], indices, found);
   }
-  return merger.Finish(landmarks, stop);
+  return merger.Finish(landmarks, control.stop);
 }
 
 }  // namespace isomatch

@@ -52,15 +52,20 @@ inline bool MatchedByComponents(std::size_t most) {
   return most > 1 && most <= 8;
 }
 
+/// What is matched by components. References must outlive it.
+struct SplitPair {
+  const TriangleMesh& mesh_x;
+  const SplitMesh& x;
+  const SplitMesh& y;
+};
+
 /// Matches each pair of components on its own and puts the results together:
 /// maps and confidences side by side, figures as means by area, the least
 /// symmetry confidence of a component, and as alternative the whole with the
 /// runner-up of that one. What belongs to no pair goes where the vertex nearest
 /// to it in space goes. There is no functional map of several components.
 absl::StatusOr<Correspondence> MatchByComponents(
-    const TriangleMesh& mesh_x, const SplitMesh& split_x,
-    const SplitMesh& split_y, absl::Span<const Landmark> landmarks,
-    const MatchOne& match_one, const ProgressCallback& progress,
-    const std::stop_token& stop);
+    const SplitPair& pair, absl::Span<const Landmark> landmarks,
+    const MatchOne& match_one, const MatchControl& control);
 
 }  // namespace isomatch

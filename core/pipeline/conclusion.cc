@@ -73,7 +73,7 @@ absl::Status ReportQuality(const PreparedMesh& x, const PreparedMesh& y,
   }
   ISOMATCH_ASSIGN_OR_RETURN(
       const MapMeasures measures,
-      MeasureMap(mesh_x, x.hash.basis, mesh_y, map.y_from_x, images, stop));
+      MeasureMap(mesh_x, x.hash.basis, mesh_y, {map.y_from_x, images}, stop));
   const std::vector<float> of_solved = ConfidenceOf(
       {measures.distortions, moved, residuals, map.offsets}, x.solved().stars);
   const Eigen::VectorXd confidence =

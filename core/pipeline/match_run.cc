@@ -43,15 +43,14 @@ constexpr float kLandmarkTolerance = 0.1f;
 /// it left in the members.
 class MatchRun {
  public:
-  MatchRun(const PreparedMesh& x, PreparedMesh* own_x, const PreparedMesh& y,
-           absl::Span<const Landmark> landmarks, const MatchOptions& options,
-           ProgressReporter* progress, const std::stop_token& stop)
-      : user_landmarks_(landmarks),
-        options_(options),
+  MatchRun(const MatchInputs& inputs, ProgressReporter* progress,
+           const std::stop_token& stop)
+      : user_landmarks_(inputs.landmarks),
+        options_(inputs.options),
         progress_(*progress),
         stop_(stop),
-        own_x_(own_x),
-        shapes_{&x, &y} {}
+        own_x_(inputs.own_x),
+        shapes_{&inputs.x, &inputs.y} {}
 
   absl::StatusOr<Correspondence> Run() {
     ISOMATCH_ASSIGN_OR_RETURN(
@@ -197,8 +196,8 @@ class MatchRun {
     const std::array<Environments, 2> environments = {
         AllEnvironments(shape(kX).hash.basis),
         AllEnvironments(shape(kY).hash.basis)};
-    const HashedShape shape_x = {*closeness_[kX], environments[kX]};
-    const HashedShape shape_y = {*closeness_[kY], environments[kY]};
+    const HashedPair shapes = {{*closeness_[kX], environments[kX]},
+                               {*closeness_[kY], environments[kY]}};
     PartialVertexMap map(solved(kX).mesh.num_vertices(),
                          solved(kY).mesh.num_vertices());
     for (const VertexMatch& match : best().sparse) map.Set(match.x, match.y);
@@ -206,14 +205,13 @@ class MatchRun {
     second.fraction = options_.second_stage_fraction;
     RandomStream random(options_.random_seed, kSecondStageStream);
     ISOMATCH_RETURN_IF_ERROR(RunSecondStage(
-        shape_x, shape_y, second, &random, progress_.Share(0, 1), stop_, &map));
+        shapes, second, &random, {progress_.Share(0, 1), stop_}, &map));
     best().y_from_x = map.y_from_x;
     Keep(Stage::kSecondInsertion);
     progress_.Begin(Stage::kFinalSwapping);
     if (options_.swapping != Swapping::kNone) {
-      ISOMATCH_RETURN_IF_ERROR(SwapWorst(shape_x, shape_y,
-                                         options_.final_swap_fraction,
-                                         progress_.Share(0, 1), stop_, &map));
+      ISOMATCH_RETURN_IF_ERROR(SwapWorst(shapes, options_.final_swap_fraction,
+                                         {progress_.Share(0, 1), stop_}, &map));
     }
     best().y_from_x = map.y_from_x;
     Keep(Stage::kFinalSwapping);
@@ -246,7 +244,7 @@ class MatchRun {
                                  std::move(best().y_from_x),
                                  {options_.zoomout_start, options_.zoomout_end,
                                   options_.zoomout_step},
-                                 progress_.Share(0, 1), stop_));
+                                 {progress_.Share(0, 1), stop_}));
     Keep(Stage::kZoomOut);
     return absl::OkStatus();
   }
@@ -478,11 +476,10 @@ class MatchRun {
 
 }  // namespace
 
-absl::StatusOr<Correspondence> RunMatch(
-    const PreparedMesh& x, PreparedMesh* own_x, const PreparedMesh& y,
-    absl::Span<const Landmark> landmarks, const MatchOptions& options,
-    ProgressReporter* progress, const std::stop_token& stop) {
-  return MatchRun(x, own_x, y, landmarks, options, progress, stop).Run();
+absl::StatusOr<Correspondence> RunMatch(const MatchInputs& inputs,
+                                        ProgressReporter* progress,
+                                        const std::stop_token& stop) {
+  return MatchRun(inputs, progress, stop).Run();
 }
 
 }  // namespace isomatch

@@ -11,13 +11,21 @@
 
 namespace isomatch {
 
+/// What a match goes out from. References must outlive it.
+struct MatchInputs {
+  const PreparedMesh& x;
+  /// &x where it may be changed, which spares a copy when its mirror image is
+  /// matched; or nullptr.
+  PreparedMesh* own_x;
+  const PreparedMesh& y;
+  absl::Span<const Landmark> landmarks;
+  const MatchOptions& options;
+};
+
 /// Match of two prepared meshes, from the seeds on: the stages of preparation
-/// are reported before. `own_x`: &x where it may be changed, which spares a
-/// copy when its mirror image is matched; or nullptr. REQUIRES: both were
-/// prepared for these options.
-absl::StatusOr<Correspondence> RunMatch(
-    const PreparedMesh& x, PreparedMesh* own_x, const PreparedMesh& y,
-    absl::Span<const Landmark> landmarks, const MatchOptions& options,
-    ProgressReporter* progress, const std::stop_token& stop);
+/// are reported before. REQUIRES: both were prepared for these options.
+absl::StatusOr<Correspondence> RunMatch(const MatchInputs& inputs,
+                                        ProgressReporter* progress,
+                                        const std::stop_token& stop);
 
 }  // namespace isomatch

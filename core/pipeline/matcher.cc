@@ -105,8 +105,7 @@ absl::StatusOr<Correspondence> Match(const TriangleMesh& mesh_x,
                                      const TriangleMesh& mesh_y,
                                      absl::Span<const Landmark> landmarks,
                                      const MatchOptions& options,
-                                     const ProgressCallback& progress,
-                                     std::stop_token stop) {
+                                     const MatchControl& control) {
   ISOMATCH_RETURN_IF_ERROR(options.Validate());
   ISOMATCH_RETURN_IF_ERROR(ValidateMesh(mesh_x, "mesh_x"));
   ISOMATCH_RETURN_IF_ERROR(ValidateMesh(mesh_y, "mesh_y"));
@@ -117,15 +116,15 @@ absl::StatusOr<Correspondence> Match(const TriangleMesh& mesh_x,
       PlanWithinMemory(SizeOf(mesh_x), SizeOf(mesh_y),
                        static_cast<std::int64_t>(landmarks.size()), options));
   const MatchEngine& engine = ChosenEngine();
-  JoinedProgress joined(progress);
+  JoinedProgress joined(control.progress);
   ISOMATCH_ASSIGN_OR_RETURN(
       PreparedPair pair,
       engine.prepare_both(SharedMesh::Borrowed(mesh_x),
                           SharedMesh::Borrowed(mesh_y), plan.options,
-                          joined.OfPreparation(), stop));
+                          {joined.OfPreparation(), control.stop}));
   absl::StatusOr<Correspondence> found =
       engine.match(std::move(pair.x), std::move(pair.y), landmarks,
-                   plan.options, joined.OfMatching(), std::move(stop));
+                   plan.options, {joined.OfMatching(), control.stop});
   if (found.ok()) {
     found->warnings.insert(found->warnings.begin(), plan.warnings.begin(),
                            plan.warnings.end());
@@ -135,29 +134,25 @@ absl::StatusOr<Correspondence> Match(const TriangleMesh& mesh_x,
 
 absl::StatusOr<PreparedShape> Prepare(SharedMesh mesh,
                                       const MatchOptions& options,
-                                      const ProgressCallback& progress,
-                                      std::stop_token stop) {
+                                      const MatchControl& control) {
   ISOMATCH_RETURN_IF_ERROR(options.Validate());
   ISOMATCH_RETURN_IF_ERROR(ValidateMesh(*mesh, "mesh"));
-  return ChosenEngine().prepare(std::move(mesh), options, progress,
-                                std::move(stop));
+  return ChosenEngine().prepare(std::move(mesh), options, control);
 }
 
 absl::StatusOr<PreparedPair> PrepareBoth(ShapeSource x, ShapeSource y,
                                          const MatchOptions& options,
-                                         const ProgressCallback& progress,
-                                         std::stop_token stop) {
+                                         const MatchControl& control) {
   ISOMATCH_RETURN_IF_ERROR(options.Validate());
   ISOMATCH_RETURN_IF_ERROR(CheckSource(x, "mesh_x"));
   ISOMATCH_RETURN_IF_ERROR(CheckSource(y, "mesh_y"));
   return ChosenEngine().prepare_both(std::move(x), std::move(y), options,
-                                     progress, std::move(stop));
+                                     control);
 }
 
 absl::StatusOr<Correspondence> MatchPrepared(
     PreparedShape x, PreparedShape y, absl::Span<const Landmark> landmarks,
-    const MatchOptions& options, const ProgressCallback& progress,
-    std::stop_token stop) {
+    const MatchOptions& options, const MatchControl& control) {
   ISOMATCH_RETURN_IF_ERROR(options.Validate());
   const PreparationKey key = PreparationKey::Of(options);
   ISOMATCH_RETURN_IF_ERROR(CheckSameKey("mesh_x", x.contents().key, key));
@@ -166,7 +161,7 @@ absl::StatusOr<Correspondence> MatchPrepared(
       ValidateLandmarks(landmarks, x.contents().mesh->num_vertices(),
                         y.contents().mesh->num_vertices()));
   return ChosenEngine().match(std::move(x), std::move(y), landmarks, options,
-                              progress, std::move(stop));
+                              control);
 }
 
 absl::StatusOr<PreparedShape> ParsePreparedShape(absl::string_view bytes,

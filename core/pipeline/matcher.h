@@ -37,8 +37,7 @@ absl::StatusOr<Correspondence> Match(const TriangleMesh& mesh_x,
                                      const TriangleMesh& mesh_y,
                                      absl::Span<const Landmark> landmarks,
                                      const MatchOptions& options,
-                                     const ProgressCallback& progress = {},
-                                     std::stop_token stop = {});
+                                     const MatchControl& control = {});
 
 /// Prepares a mesh for MatchPrepared with these options. Errors as Match;
 /// `mesh` is named "mesh". Reports the first three stages. Of two meshes no
@@ -46,15 +45,13 @@ absl::StatusOr<Correspondence> Match(const TriangleMesh& mesh_x,
 /// with the options of PlanWithinMemory.
 absl::StatusOr<PreparedShape> Prepare(SharedMesh mesh,
                                       const MatchOptions& options,
-                                      const ProgressCallback& progress = {},
-                                      std::stop_token stop = {});
+                                      const MatchControl& control = {});
 
 /// Prepares those of the two that are not prepared yet, both at the same time
 /// where threads allow. Errors as Match.
 absl::StatusOr<PreparedPair> PrepareBoth(ShapeSource x, ShapeSource y,
                                          const MatchOptions& options,
-                                         const ProgressCallback& progress = {},
-                                         std::stop_token stop = {});
+                                         const MatchControl& control = {});
 
 /// Match, of prepared shapes: the same result as of their meshes. A shape of
 /// which the caller keeps no copy may be changed, which saves memory.
@@ -63,8 +60,7 @@ absl::StatusOr<PreparedPair> PrepareBoth(ShapeSource x, ShapeSource y,
 /// well (see JoinedProgress).
 absl::StatusOr<Correspondence> MatchPrepared(
     PreparedShape x, PreparedShape y, absl::Span<const Landmark> landmarks,
-    const MatchOptions& options, const ProgressCallback& progress = {},
-    std::stop_token stop = {});
+    const MatchOptions& options, const MatchControl& control = {});
 
 /// Checks landmarks as Match does: every index in range, no vertex of X or Y in
 /// two of them. The message names `landmarks[i]`.

@@ -210,9 +210,10 @@ absl::StatusOr<CoarseLevel> MakeCoarse(const WorkingMesh& full,
   }
   ISOMATCH_ASSIGN_OR_RETURN(
       coarse.embedding,
-      EmbedInCoarse({full.mesh, full.stars}, coarse.working.mesh.faces,
-                    coarse.working.stars, coarse.full_from_coarse, nearest,
-                    stop));
+      EmbedInCoarse({full.mesh, full.stars},
+                    {coarse.working.mesh.faces, coarse.working.stars,
+                     coarse.full_from_coarse},
+                    nearest, stop));
   coarse.working.oriented &= full.oriented;
   return coarse;
 }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <functional>
+#include <stop_token>
 
 namespace isomatch {
 
@@ -44,5 +45,11 @@ struct Progress {
 /// Called from one thread at a time, possibly not the caller's. Must be quick
 /// and must not throw.
 using ProgressCallback = std::function<void(const Progress&)>;
+
+/// How a caller follows a match, and ends it.
+struct MatchControl {
+  ProgressCallback progress = {};
+  std::stop_token stop = {};
+};
 
 }  // namespace isomatch

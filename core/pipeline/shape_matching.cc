@@ -59,8 +59,9 @@ absl::Status Split(const ShapeToPrepare& shape, const MatchOptions& options,
 /// Fills in what the one or two shapes lack.
 absl::Status PrepareShapes(const ShapesToPrepare& shapes,
                            const MatchOptions& options,
-                           const ProgressCallback& progress,
-                           const std::stop_token& stop) {
+                           const MatchControl& control) {
+  const ProgressCallback& progress = control.progress;
+  const std::stop_token& stop = control.stop;
   // Cleaning takes its time and comes before all reports.
   if (progress) progress({Stage::kPrepare, 0, 0});
   std::array<std::optional<MeshToPrepare>, 2> wholes;
@@ -91,15 +92,14 @@ absl::Status PrepareShapes(const ShapesToPrepare& shapes,
 struct Request {
   absl::Span<const Landmark> landmarks;
   const MatchOptions& options;
-  const ProgressCallback& progress;
-  const std::stop_token& stop;
+  const MatchControl& control;
 };
 
 /// Each component is prepared when its turn comes.
 absl::StatusOr<Correspondence> PrepareAndMatchComponents(
     const PreparedShape& x, const PreparedShape& y, const Request& request) {
   const MatchOptions& options = request.options;
-  const std::stop_token& stop = request.stop;
+  const std::stop_token& stop = request.control.stop;
   const std::array<const PreparedShape::Contents*, 2> shapes = {&x.contents(),
                                                                 &y.contents()};
   std::array<SplitMesh, 2> own;  // of one that was prepared as a whole
@@ -126,20 +126,19 @@ absl::StatusOr<Correspondence> PrepareAndMatchComponents(
         PrepareMeshes({MeshToPrepare{std::move(clean_x), "mesh_x"},
                        MeshToPrepare{std::move(clean_y), "mesh_y"}},
                       options, &reporter, stop, &prepared));
-    return RunMatch(prepared[kX], &prepared[kX], prepared[kY], known, options,
+    return RunMatch({prepared[kX], &prepared[kX], prepared[kY], known, options},
                     &reporter, stop);
   };
-  return MatchByComponents(*shapes[kX]->mesh, *splits[kX], *splits[kY],
-                           request.landmarks, match_one, request.progress,
-                           stop);
+  return MatchByComponents({*shapes[kX]->mesh, *splits[kX], *splits[kY]},
+                           request.landmarks, match_one, request.control);
 }
 
 /// Matches the shapes as one, whatever components they have.
 absl::StatusOr<Correspondence> MatchWhole(PreparedShape& x, PreparedShape& y,
                                           const Request& request) {
   const MatchOptions& options = request.options;
-  const std::stop_token& stop = request.stop;
-  ProgressReporter reporter(request.progress, StagePlan(options));
+  const std::stop_token& stop = request.control.stop;
+  ProgressReporter reporter(request.control.progress, StagePlan(options));
   // A shape that was split is prepared again as one when the other has more
   // components than are matched one by one.
   std::array<PreparedMesh, 2> anew;
@@ -159,7 +158,7 @@ absl::StatusOr<Correspondence> MatchWhole(PreparedShape& x, PreparedShape& y,
   }
   ISOMATCH_RETURN_IF_ERROR(
       CheckDecimated(SizesOf(*whole_x), SizesOf(*whole_y), options));
-  return RunMatch(*whole_x, own_x, *whole_y, request.landmarks, options,
+  return RunMatch({*whole_x, own_x, *whole_y, request.landmarks, options},
                   &reporter, stop);
 }
 
@@ -179,18 +178,16 @@ void Judge(Correspondence* found) {
 
 absl::StatusOr<PreparedShape> PrepareHere(SharedMesh mesh,
                                           const MatchOptions& options,
-                                          const ProgressCallback& progress,
-                                          const std::stop_token& stop) {
+                                          const MatchControl& control) {
   const ShapeToPrepare shape = NewShape(std::move(mesh), options, "mesh");
   ISOMATCH_RETURN_IF_ERROR(
-      PrepareShapes({shape, std::nullopt}, options, progress, stop));
+      PrepareShapes({shape, std::nullopt}, options, control));
   return PreparedShape(shape.contents);
 }
 
 absl::StatusOr<PreparedPair> PrepareBothHere(ShapeSource x, ShapeSource y,
                                              const MatchOptions& options,
-                                             const ProgressCallback& progress,
-                                             const std::stop_token& stop) {
+                                             const MatchControl& control) {
   std::array<ShapeSource*, 2> sources = {&x, &y};
   ShapesToPrepare missing;
   for (const Side side : {kX, kY}) {
@@ -201,7 +198,7 @@ absl::StatusOr<PreparedPair> PrepareBothHere(ShapeSource x, ShapeSource y,
     *sources[side] = PreparedShape(missing[side]->contents);
   }
   if (missing[kX] || missing[kY]) {
-    ISOMATCH_RETURN_IF_ERROR(PrepareShapes(missing, options, progress, stop));
+    ISOMATCH_RETURN_IF_ERROR(PrepareShapes(missing, options, control));
   }
   return PreparedPair{std::get<PreparedShape>(std::move(x)),
                       std::get<PreparedShape>(std::move(y))};
@@ -209,11 +206,10 @@ absl::StatusOr<PreparedPair> PrepareBothHere(ShapeSource x, ShapeSource y,
 
 absl::StatusOr<Correspondence> MatchPreparedHere(
     PreparedShape x, PreparedShape y, absl::Span<const Landmark> landmarks,
-    const MatchOptions& options, const ProgressCallback& progress,
-    const std::stop_token& stop) {
+    const MatchOptions& options, const MatchControl& control) {
   const auto most = static_cast<std::size_t>(
       std::max(x.contents().large_components, y.contents().large_components));
-  const Request request = {landmarks, options, progress, stop};
+  const Request request = {landmarks, options, control};
   absl::StatusOr<Correspondence> result = absl::InternalError("not run");
   RunWithThreads(options.threads, [&] {
     result = options.match_components && MatchedByComponents(most)

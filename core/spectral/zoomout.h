@@ -1,9 +1,7 @@
 #pragma once
 
-#include <functional>
-#include <stop_token>
-
 #include "absl/status/statusor.h"
+#include "core/base/control.h"
 #include "core/base/vertex_index.h"
 #include "core/mesh/vertex_stars.h"
 #include "core/spectral/spectral_basis.h"
@@ -34,7 +32,6 @@ struct SpectralSurface {
 absl::StatusOr<VertexMap> ZoomOut(const SpectralSurface& x,
                                   const SpectralSurface& y, VertexMap y_from_x,
                                   const ZoomOutOptions& options,
-                                  const std::function<void(double)>& progress,
-                                  const std::stop_token& stop);
+                                  const Control& control);
 
 }  // namespace isomatch

@@ -36,10 +36,17 @@ absl::StatusOr<VertexOrder> ParseVertexOrder(v1::VertexOrder order,
 
 /// The bytes of a mesh: within the request, or from the store, which `held`
 /// then keeps from being evicted.
-absl::StatusOr<absl::string_view> FindBytes(
-    const v1::Mesh& mesh, const std::string& field, const ParseContext& context,
-    const std::string& tenant, std::int64_t held_bytes, BlobStore::Blob& held) {
-  if (mesh.has_draco()) return absl::string_view(mesh.draco());
+struct FoundBytes {
+  absl::string_view bytes;
+  BlobStore::Blob held = nullptr;
+};
+
+absl::StatusOr<FoundBytes> FindBytes(const v1::Mesh& mesh,
+                                     const std::string& field,
+                                     const ParseContext& context,
+                                     const std::string& tenant,
+                                     std::int64_t held_bytes) {
+  if (mesh.has_draco()) return FoundBytes{mesh.draco()};
   if (!mesh.has_digest()) {
     return InvalidField(field, "no source, expected draco or digest");
   }
@@ -56,13 +63,13 @@ absl::StatusOr<absl::string_view> FindBytes(
     return MeshMissing(path, digest.sha256());
   }
   if (!blob.ok()) return ContentUnavailable(path, blob.status());
-  held = *std::move(blob);
-  if (digest.size_bytes() != held->size()) {
+  const std::string& bytes = **blob;
+  if (digest.size_bytes() != bytes.size()) {
     return InvalidField(
         path + ".size_bytes",
-        absl::StrCat(digest.size_bytes(), ", expected ", held->size()));
+        absl::StrCat(digest.size_bytes(), ", expected ", bytes.size()));
   }
-  return absl::string_view(*held);
+  return FoundBytes{bytes, *std::move(blob)};
 }
 
 /// DecodeDraco within max_reading_bytes, of which `held_bytes` are taken.
@@ -127,18 +134,18 @@ absl::StatusOr<TriangleMesh> ParseMesh(const v1::Mesh& mesh,
                                      limits.max_vertices));
   }
   std::int64_t held_bytes = MeshBytes(spec);
-  BlobStore::Blob held;
   ISOMATCH_ASSIGN_OR_RETURN(
-      const absl::string_view bytes,
-      FindBytes(mesh, field, context, tenant, held_bytes, held));
-  if (held != nullptr) held_bytes += static_cast<std::int64_t>(held->size());
+      const FoundBytes found,
+      FindBytes(mesh, field, context, tenant, held_bytes));
+  const absl::string_view bytes = found.bytes;
+  if (found.held) held_bytes += static_cast<std::int64_t>(found.held->size());
   WarnOfDracosOrder(mesh.vertex_order(), field, bytes, spec);
   auto decoded = DecodeWithin(context.limits, bytes, order, mesh.vertex_count(),
                               held_bytes);
   if (absl::IsFailedPrecondition(decoded.status())) return decoded.status();
   if (absl::IsResourceExhausted(decoded.status())) return OutOfMemory();
   if (!decoded.ok()) {
-    return MeshMalformed(field + (held ? ".digest" : ".draco"),
+    return MeshMalformed(field + (found.held ? ".digest" : ".draco"),
                          std::string(decoded.status().message()));
   }
   const absl::Status valid = ValidateMesh(*decoded, field);

@@ -27,19 +27,20 @@ void KeepIfNamed(PreparedCache& cache, const std::optional<BlobKey>& key,
 absl::StatusOr<Correspondence> MatchWithCache(const MatchEngine& engine,
                                               JobSpec& spec,
                                               PreparedCache& cache,
-                                              const ProgressCallback& progress,
-                                              const std::stop_token& stop) {
-  ShapeSource x = Find(cache, spec.prepared_x, std::move(spec.mesh_x), stop);
-  ShapeSource y = Find(cache, spec.prepared_y, std::move(spec.mesh_y), stop);
-  JoinedProgress joined(progress);
+                                              const MatchControl& control) {
+  ShapeSource x =
+      Find(cache, spec.prepared_x, std::move(spec.mesh_x), control.stop);
+  ShapeSource y =
+      Find(cache, spec.prepared_y, std::move(spec.mesh_y), control.stop);
+  JoinedProgress joined(control.progress);
   ISOMATCH_ASSIGN_OR_RETURN(
       PreparedPair pair,
       engine.prepare_both(std::move(x), std::move(y), spec.options,
-                          joined.OfPreparation(), stop));
+                          {joined.OfPreparation(), control.stop}));
   KeepIfNamed(cache, spec.prepared_x, pair.x);
   KeepIfNamed(cache, spec.prepared_y, pair.y);
   return engine.match(std::move(pair.x), std::move(pair.y), spec.landmarks,
-                      spec.options, joined.OfMatching(), stop);
+                      spec.options, {joined.OfMatching(), control.stop});
 }
 
 }  // namespace isomatch

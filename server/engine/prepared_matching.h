@@ -16,7 +16,6 @@ namespace isomatch {
 absl::StatusOr<Correspondence> MatchWithCache(const MatchEngine& engine,
                                               JobSpec& spec,
                                               PreparedCache& cache,
-                                              const ProgressCallback& progress,
-                                              const std::stop_token& stop);
+                                              const MatchControl& control);
 
 }  // namespace isomatch

@@ -139,13 +139,11 @@ absl::StatusOr<RunOutcome> JobRunner::Run(const LoadSpec& load,
     RunMeter meter(now_, on_progress);
     ISOMATCH_ASSIGN_OR_RETURN(JobSpec spec, load());
     LimitToEstimate(spec);
-    const ProgressCallback report = [&](const Progress& progress) {
-      meter.OnProgress(progress);
-    };
     const MeshSize size_x = SizeOf(spec.mesh_x);
     const MeshSize size_y = SizeOf(spec.mesh_y);
-    absl::StatusOr<Correspondence> found =
-        MatchWithCache(engine_, spec, cache_, report, stop);
+    absl::StatusOr<Correspondence> found = MatchWithCache(
+        engine_, spec, cache_,
+        {[&](const Progress& progress) { meter.OnProgress(progress); }, stop});
     if (!found.ok()) return MatchFailure(found.status());
     RunOutcome outcome;
     outcome.parts = EncodeParts(*found);

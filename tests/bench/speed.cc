@@ -149,7 +149,7 @@ absl::StatusOr<PairCost> MeasurePair(const MeshPair& pair, int runs,
     ISOMATCH_ASSIGN_OR_RETURN(
         Correspondence result,
         Match(pair.mesh_x, pair.mesh_y, {}, options,
-              [&](const Progress& progress) { clock.Observe(progress); }));
+              {[&](const Progress& progress) { clock.Observe(progress); }}));
     clock.Finish();
     found = std::move(result.y_from_x);
   }

@@ -20,21 +20,8 @@ MOST_PARAMETERS = 5
 
 # Folder -> functions that may have more parameters. To be emptied: one that has
 # become smaller, or is gone, fails until it is taken out of here.
-#
-# In core each has the two shapes, its options and a map, and with them a progress
-# callback or a stop token, which want to be one value; all are called by
-# core/pipeline, and change together.
-TOLERATED_PARAMETERS = {
-    "core/descriptor": {"MatchNearby"},
-    "core/evaluation": {"MeasureMap"},
-    "core/matching": {"RunSecondStage", "SwapWorst"},
-    "core/mesh": {"EmbedInCoarse"},
-    "core/pipeline": {"Match", "MatchByComponents", "MatchPrepared", "MatchPreparedHere",
-                      "MatchRun", "RunMatch"},
-    "core/spectral": {"ZoomOut"},
-    # The tenant, and what its request may hold, are to go with the ParseContext.
-    "server/convert": {"FindBytes"},
-}
+TOLERATED_PARAMETERS = {}
+
 # Classes in several files of more lines together, which want to be several classes.
 TOLERATED_CLASSES = set()
 

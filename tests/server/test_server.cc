@@ -102,15 +102,15 @@ MatchEngine TestServer::GatedEngine() {
   engine.match =
       [this](const PreparedShape& x, const PreparedShape& y,
              absl::Span<const Landmark> landmarks, const MatchOptions& options,
-             const ProgressCallback& progress,
-             const std::stop_token& stop) -> absl::StatusOr<Correspondence> {
-    progress({Stage::kGeodesics, 0, 0.1});
+             const MatchControl& control) -> absl::StatusOr<Correspondence> {
+    const std::stop_token& stop = control.stop;
+    control.progress({Stage::kGeodesics, 0, 0.1});
     ++matches_;
     while (!gate_open_ && !stop.stop_requested()) {
       absl::SleepFor(absl::Milliseconds(1));
     }
     if (stop.stop_requested()) return absl::CancelledError("cancelled");
-    progress({Stage::kDense, 0, 0.5});
+    control.progress({Stage::kDense, 0, 0.5});
     Correspondence found;
     const VertexIndex vertices_y = y.contents().mesh->num_vertices();
     for (VertexIndex i = 0; i < x.contents().mesh->num_vertices(); ++i) {

@@ -131,7 +131,7 @@ std::optional<absl::Duration> TimeToHearOfCancel(const TriangleMesh& x,
     stopped = ProcessorSeconds();
     stop.request_stop();
   });
-  const auto found = Match(x, y, {}, OneThread(), {}, stop.get_token());
+  const auto found = Match(x, y, {}, OneThread(), {.stop = stop.get_token()});
   const double end = ProcessorSeconds();
   has_ended = true;
   canceller.join();

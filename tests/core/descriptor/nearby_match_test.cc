@@ -54,7 +54,7 @@ TEST_F(NearbyMatchTest, FindsTheWayBackToTheSamePlace) {
   const ShapeDescriptors all = Describe(mesh_.num_vertices());
   // Far less than the reach, so that the surface leads back inside the ball.
   const VertexMap found =
-      *MatchNearby(all, all, surface(), Scattered(0.1), {.reach = 0.2}, {});
+      *MatchNearby(all, {all, surface()}, Scattered(0.1), {.reach = 0.2}, {});
   int right = 0;
   for (VertexIndex v = 0; v < mesh_.num_vertices(); ++v) right += found[v] == v;
   EXPECT_GT(right, 0.97 * mesh_.num_vertices());
@@ -67,7 +67,7 @@ TEST_F(NearbyMatchTest, NeverLeavesTheReach) {
     far.push_back((v + mesh_.num_vertices() / 2) % mesh_.num_vertices());
   }
   const VertexMap found =
-      *MatchNearby(all, all, surface(), far, {.reach = 0.1}, {});
+      *MatchNearby(all, {all, surface()}, far, {.reach = 0.1}, {});
   for (VertexIndex v = 0; v < mesh_.num_vertices(); ++v) {
     EXPECT_LT(
         (mesh_.positions.row(found[v]) - mesh_.positions.row(far[v])).norm(),
@@ -97,8 +97,8 @@ TEST_F(NearbyMatchTest, DescribesVerticesEvenlyByArea) {
 
 TEST_F(NearbyMatchTest, MatchesOnlyWhatIsDescribed) {
   const ShapeDescriptors some = Describe(200);
-  const VertexMap found =
-      *MatchNearby(some, some, surface(), Scattered(0.1), {.reach = 0.15}, {});
+  const VertexMap found = *MatchNearby(some, {some, surface()}, Scattered(0.1),
+                                       {.reach = 0.15}, {});
   for (VertexIndex v = 0; v < mesh_.num_vertices(); ++v) {
     if (some.column_of_vertex[v] < 0) {
       EXPECT_EQ(found[v], kNoVertex);

@@ -19,8 +19,8 @@ BasisPoints BasisOf(const TriangleMesh& mesh) {
 TEST(MapQualityTest, TheIdentityIsPerfect) {
   const TriangleMesh mesh = FiveArms(3);
   const auto measures =
-      MeasureMap(mesh, BasisOf(mesh), mesh, IdentityMap(mesh.num_vertices()),
-                 mesh.positions, {});
+      MeasureMap(mesh, BasisOf(mesh), mesh,
+                 {IdentityMap(mesh.num_vertices()), mesh.positions}, {});
   ASSERT_THAT(measures, IsOk());
   EXPECT_NEAR(measures->geodesic_distortion, 0, 1e-6);
   EXPECT_EQ(measures->coverage, 1);
@@ -34,7 +34,7 @@ TEST(MapQualityTest, AreaDistortionOfAStretchIsItsLogarithm) {
   stretched.col(0) *= 2;
   const auto measures =
       MeasureMap(plane, BasisOf(plane), plane,
-                 IdentityMap(plane.num_vertices()), stretched, {});
+                 {IdentityMap(plane.num_vertices()), stretched}, {});
   ASSERT_THAT(measures, IsOk());
   EXPECT_NEAR(measures->area_distortion, std::log(2.0), 1e-9);
 }
@@ -46,8 +46,8 @@ TEST(MapQualityTest, CoverageIsTheAreaThatImagesReach) {
   for (VertexIndex v = 0; v < plane.num_vertices(); ++v) {
     if (v % 41 > 20) map[v] = v - v % 41 + 20;
   }
-  const auto measures = MeasureMap(plane, BasisOf(plane), plane, map,
-                                   plane.positions(map, Eigen::all), {});
+  const auto measures = MeasureMap(plane, BasisOf(plane), plane,
+                                   {map, plane.positions(map, Eigen::all)}, {});
   ASSERT_THAT(measures, IsOk());
   EXPECT_GT(measures->coverage, 0.5);
   EXPECT_LT(measures->coverage, 0.6);
@@ -60,8 +60,8 @@ TEST(MapQualityTest, DistortionsPointAtTheVerticesThatWentAstray) {
   mesh.positions.rowwise().norm().maxCoeff(&tip);
   const auto astray = static_cast<VertexIndex>(tip);
   map[astray] = 0;
-  const auto measures = MeasureMap(mesh, BasisOf(mesh), mesh, map,
-                                   mesh.positions(map, Eigen::all), {});
+  const auto measures = MeasureMap(mesh, BasisOf(mesh), mesh,
+                                   {map, mesh.positions(map, Eigen::all)}, {});
   ASSERT_THAT(measures, IsOk());
   for (VertexIndex v = 0; v < mesh.num_vertices(); ++v) {
     if (v != astray) {

@@ -70,9 +70,9 @@ TEST_F(FinalSwappingTest, ExchangedVerticesFindBack) {
   }
   const double broken = Total();
   // The exchanged vertices are among the 2 % that contribute least.
-  ASSERT_THAT(SwapWorst(shape_.hashed(), shape_.hashed(), /*fraction=*/1, {},
-                        {}, &map_),
-              IsOk());
+  ASSERT_THAT(
+      SwapWorst({shape_.hashed(), shape_.hashed()}, /*fraction=*/1, {}, &map_),
+      IsOk());
   EXPECT_GT(Total(), broken);
   int wrong = 0;
   for (VertexIndex v = 0; v < 642; ++v) wrong += map_.y_from_x[v] != v;
@@ -83,15 +83,15 @@ TEST_F(FinalSwappingTest, NoCandidatesNoChange) {
   const auto [a, b] = NearPair(10);
   Exchange(a, b);
   const VertexMap before = map_.y_from_x;
-  ASSERT_THAT(SwapWorst(shape_.hashed(), shape_.hashed(), /*fraction=*/0, {},
-                        {}, &map_),
-              IsOk());
+  ASSERT_THAT(
+      SwapWorst({shape_.hashed(), shape_.hashed()}, /*fraction=*/0, {}, &map_),
+      IsOk());
   EXPECT_EQ(map_.y_from_x, before);
 }
 
 TEST_F(FinalSwappingTest, StaysAPermutation) {
   for (VertexIndex v = 0; v + 40 < 642; v += 5) Exchange(v, v + 40);
-  ASSERT_THAT(SwapWorst(shape_.hashed(), shape_.hashed(), /*fraction=*/0.5, {},
+  ASSERT_THAT(SwapWorst({shape_.hashed(), shape_.hashed()}, /*fraction=*/0.5,
                         {}, &map_),
               IsOk());
   for (VertexIndex v = 0; v < 642; ++v) {
@@ -102,8 +102,8 @@ TEST_F(FinalSwappingTest, StaysAPermutation) {
 TEST_F(FinalSwappingTest, StopsWhenAsked) {
   std::stop_source stop;
   stop.request_stop();
-  EXPECT_THAT(SwapWorst(shape_.hashed(), shape_.hashed(), 0.5, {},
-                        stop.get_token(), &map_),
+  EXPECT_THAT(SwapWorst({shape_.hashed(), shape_.hashed()}, 0.5,
+                        {.stop = stop.get_token()}, &map_),
               StatusIs(absl::StatusCode::kCancelled, testing::_));
 }
 

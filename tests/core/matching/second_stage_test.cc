@@ -40,8 +40,8 @@ TEST(SecondStageTest, FillsToTheFractionInjectivelyAndNearTheTruth) {
   RandomStream random(1, 0);
   SecondStageOptions options;
   options.fraction = 0.7;
-  ASSERT_THAT(RunSecondStage(shape.hashed(), shape.hashed(), options, &random,
-                             {}, {}, &map),
+  ASSERT_THAT(RunSecondStage({shape.hashed(), shape.hashed()}, options, &random,
+                             {}, &map),
               IsOk());
   EXPECT_EQ(CountMatched(map.y_from_x), static_cast<int>(0.7 * 642));
   ExpectInjective(map);
@@ -58,7 +58,7 @@ TEST(SecondStageTest, UsesUpTheSmallerShapeAndNoMore) {
   SecondStageOptions options;
   options.fraction = 1;
   ASSERT_THAT(
-      RunSecondStage(x.hashed(), y.hashed(), options, &random, {}, {}, &map),
+      RunSecondStage({x.hashed(), y.hashed()}, options, &random, {}, &map),
       IsOk());
   EXPECT_EQ(CountMatched(map.x_from_y), 162);
   ExpectInjective(map);
@@ -72,8 +72,8 @@ TEST(SecondStageTest, EnvironmentsGrowUntilACandidateTurnsUp) {
   RandomStream random(1, 0);
   SecondStageOptions options;
   options.fraction = 0.2;
-  ASSERT_THAT(RunSecondStage(shape.hashed(), shape.hashed(), options, &random,
-                             {}, {}, &map),
+  ASSERT_THAT(RunSecondStage({shape.hashed(), shape.hashed()}, options, &random,
+                             {}, &map),
               IsOk());
   EXPECT_EQ(CountMatched(map.y_from_x), static_cast<int>(0.2 * 642));
 }
@@ -84,8 +84,8 @@ TEST(SecondStageTest, StopsWhenAsked) {
   RandomStream random(1, 0);
   std::stop_source stop;
   stop.request_stop();
-  EXPECT_THAT(RunSecondStage(shape.hashed(), shape.hashed(), {}, &random, {},
-                             stop.get_token(), &map),
+  EXPECT_THAT(RunSecondStage({shape.hashed(), shape.hashed()}, {}, &random,
+                             {.stop = stop.get_token()}, &map),
               StatusIs(absl::StatusCode::kCancelled, testing::_));
 }
 

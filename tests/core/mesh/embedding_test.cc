@@ -13,8 +13,9 @@ namespace {
 class EmbeddingTest : public testing::Test {
  protected:
   absl::StatusOr<Embedding> Embed(const std::stop_token& stop = {}) const {
-    return EmbedInCoarse({fine_, fine_stars_}, coarse_.mesh.faces,
-                         VertexStars(coarse_.mesh), coarse_.fine_from_coarse,
+    return EmbedInCoarse({fine_, fine_stars_},
+                         {coarse_.mesh.faces, VertexStars(coarse_.mesh),
+                          coarse_.fine_from_coarse},
                          NearestByEdges(fine_stars_, fine_.num_vertices(),
                                         coarse_.fine_from_coarse),
                          stop);

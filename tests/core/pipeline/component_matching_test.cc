@@ -96,9 +96,9 @@ TEST(MatchByComponentsTest, OneWithoutACounterpartFollowsAndIsReported) {
 TEST(MatchByComponentsTest, ProgressRisesOverAllParts) {
   const TriangleMesh two = Row({FiveArms(2), Scaled(BumpySphere(2), 0.8)});
   std::vector<double> totals;
-  const auto found = Match(two, two, {}, {}, [&](const Progress& progress) {
-    totals.push_back(progress.total_fraction);
-  });
+  const auto found = Match(two, two, {}, {}, {[&](const Progress& progress) {
+                             totals.push_back(progress.total_fraction);
+                           }});
   ASSERT_THAT(found, IsOk());
   EXPECT_TRUE(std::is_sorted(totals.begin(), totals.end()));
   EXPECT_NEAR(totals.back(), 1, 1e-9);

@@ -354,7 +354,7 @@ TEST(MatcherTest, ProgressRisesThroughTheStagesToOne) {
   for (const Profile profile : kProfiles) {
     std::vector<Progress> seen;
     ASSERT_THAT(Match(FiveArms(3), FiveArms(3), {}, QuickOptionsOf(profile),
-                      [&](const Progress& p) { seen.push_back(p); }),
+                      {[&](const Progress& p) { seen.push_back(p); }}),
                 IsOk());
     ASSERT_FALSE(seen.empty());
     EXPECT_EQ(seen.front().total_fraction, 0);
@@ -395,16 +395,16 @@ TEST(MatcherTest, StopsPromptlyInEveryStage) {
       std::stop_source stop;
       bool reached = false;
       int later_stages = 0;
-      const auto result = Match(
-          FiveArms(3), FiveArms(3), {}, QuickOptionsOf(profile),
-          [&](const Progress& p) {
-            if (PlaceOf(p.stage) == stage) {
-              reached = true;
-              stop.request_stop();
-            }
-            later_stages += reached && PlaceOf(p.stage) > stage + 1;
-          },
-          stop.get_token());
+      const auto result =
+          Match(FiveArms(3), FiveArms(3), {}, QuickOptionsOf(profile),
+                {[&](const Progress& p) {
+                   if (PlaceOf(p.stage) == stage) {
+                     reached = true;
+                     stop.request_stop();
+                   }
+                   later_stages += reached && PlaceOf(p.stage) > stage + 1;
+                 },
+                 stop.get_token()});
       if (!reached) continue;  // not a stage of this profile
       EXPECT_THAT(result.status(),
                   StatusIs(absl::StatusCode::kCancelled, testing::_))

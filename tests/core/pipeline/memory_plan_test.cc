@@ -229,10 +229,10 @@ TEST_F(LimitedMatchTest, RefusesBeforeItStarts) {
   MatchOptions options;
   options.memory_limit_bytes = 1'000'000;
   int reports = 0;
-  EXPECT_THAT(
-      Match(x_, y_, {}, options, [&](const Progress&) { ++reports; }).status(),
-      StatusIs(absl::StatusCode::kInvalidArgument,
-               HasSubstr("options.memory_limit_bytes: 1000000")));
+  EXPECT_THAT(Match(x_, y_, {}, options, {[&](const Progress&) { ++reports; }})
+                  .status(),
+              StatusIs(absl::StatusCode::kInvalidArgument,
+                       HasSubstr("options.memory_limit_bytes: 1000000")));
   EXPECT_EQ(reports, 0);
 }
 

@@ -294,7 +294,7 @@ TEST_P(PreparedShapeTest, NamesWhatIsWrongWithAMesh) {
 TEST_P(PreparedShapeTest, StopsWhenAsked) {
   std::stop_source source;
   source.request_stop();
-  EXPECT_THAT(Prepare(x_, options_, {}, source.get_token()).status(),
+  EXPECT_THAT(Prepare(x_, options_, {.stop = source.get_token()}).status(),
               StatusIs(absl::StatusCode::kCancelled, testing::_));
 }
 

@@ -46,7 +46,7 @@ TEST_F(ZoomOutTest, SixteenMatchesGrowToTheWholePermutation) {
   std::vector<double> fractions;
   const auto map =
       ZoomOut(x(), y(), Sparse(), {6, 60, 6},
-              [&](double fraction) { fractions.push_back(fraction); }, {});
+              {[&](double fraction) { fractions.push_back(fraction); }});
   ASSERT_THAT(map, IsOk());
   EXPECT_EQ(*map, permutation_);
   EXPECT_EQ(fractions.size(), 10u);
@@ -54,7 +54,7 @@ TEST_F(ZoomOutTest, SixteenMatchesGrowToTheWholePermutation) {
 }
 
 TEST_F(ZoomOutTest, SizesBeyondTheBasesAreCut) {
-  const auto map = ZoomOut(x(), y(), permutation_, {100, 500, 7}, {}, {});
+  const auto map = ZoomOut(x(), y(), permutation_, {100, 500, 7}, {});
   ASSERT_THAT(map, IsOk());
   EXPECT_EQ(*map, permutation_);
 }
@@ -62,8 +62,9 @@ TEST_F(ZoomOutTest, SizesBeyondTheBasesAreCut) {
 TEST_F(ZoomOutTest, StopsWhenAsked) {
   std::stop_source stop;
   stop.request_stop();
-  EXPECT_THAT(ZoomOut(x(), y(), Sparse(), {}, {}, stop.get_token()).status(),
-              StatusIs(absl::StatusCode::kCancelled, testing::_));
+  EXPECT_THAT(
+      ZoomOut(x(), y(), Sparse(), {}, {.stop = stop.get_token()}).status(),
+      StatusIs(absl::StatusCode::kCancelled, testing::_));
 }
 
 }  // namespace

@@ -110,10 +110,10 @@ class MatchWithCacheTest : public testing::Test {
   VertexMap Match() {
     fractions_.clear();
     JobSpec spec = spec_;
-    const auto found = MatchWithCache(
-        engine_, spec, cache_,
-        [this](const Progress& p) { fractions_.push_back(p.total_fraction); },
-        {});
+    const auto found =
+        MatchWithCache(engine_, spec, cache_, {[this](const Progress& p) {
+                         fractions_.push_back(p.total_fraction);
+                       }});
     EXPECT_THAT(found, IsOk());
     EXPECT_TRUE(std::is_sorted(fractions_.begin(), fractions_.end()));
     EXPECT_EQ(fractions_.back(), 1);
@@ -122,7 +122,7 @@ class MatchWithCacheTest : public testing::Test {
 
   absl::Status Failure(const std::stop_token& stop = {}) {
     JobSpec spec = spec_;
-    return MatchWithCache(engine_, spec, cache_, {}, stop).status();
+    return MatchWithCache(engine_, spec, cache_, {.stop = stop}).status();
   }
 
   MatchEngine engine_ = CoreMatchEngine();
@@ -181,7 +181,7 @@ TEST_F(MatchWithCacheTest, WithoutRoomNothingIsKeptAndTheMapIsTheSame) {
   const VertexMap kept = Match();
   PreparedCache none(0, nullptr);
   JobSpec spec = spec_;
-  const auto found = MatchWithCache(engine_, spec, none, {}, {});
+  const auto found = MatchWithCache(engine_, spec, none, {});
   ASSERT_THAT(found, IsOk());
   EXPECT_EQ(found->y_from_x, kept);
   EXPECT_EQ(prepared_, 4);

@@ -109,11 +109,11 @@ class JobManagerTest : public testing::Test {
 
   MatchEngine FakeEngine() {
     MatchEngine engine = UnpreparedEngine();
-    engine.match = [this](
-                       auto&&, auto&&, auto&&, auto&&, auto&& progress,
-                       std::stop_token stop) -> absl::StatusOr<Correspondence> {
-      progress({Stage::kGeodesics, 0.5, 0.25});
-      const absl::Status status = during_match_(stop);
+    engine.match =
+        [this](auto&&, auto&&, auto&&, auto&&,
+               const MatchControl& control) -> absl::StatusOr<Correspondence> {
+      control.progress({Stage::kGeodesics, 0.5, 0.25});
+      const absl::Status status = during_match_(control.stop);
       if (!status.ok()) return status;
       Correspondence found = found_;
       found.y_from_x = {static_cast<VertexIndex>(++matches_)};

@@ -449,10 +449,10 @@ TEST_F(JobManagerTest, JobsCancelledAndTimedOutByManyThreadsAllEnd) {
     return stop.stop_requested() ? absl::CancelledError("") : absl::OkStatus();
   };
   MatchEngine engine = FakeEngine();
-  engine.match = [this](
-                     auto&&, auto&&, auto&&, auto&&, auto&&,
-                     std::stop_token stop) -> absl::StatusOr<Correspondence> {
-    const absl::Status status = during_match_(stop);
+  engine.match =
+      [this](auto&&, auto&&, auto&&, auto&&,
+             const MatchControl& control) -> absl::StatusOr<Correspondence> {
+    const absl::Status status = during_match_(control.stop);
     if (!status.ok()) return status;
     return Correspondence();
   };

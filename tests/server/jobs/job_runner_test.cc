@@ -81,16 +81,16 @@ TEST_F(JobRunnerTest, TheMapIsDescribedWithTheSizesOfTheMeshes) {
 }
 
 TEST_F(JobRunnerTest, MeasuresTheSecondsOfEachStage) {
-  const auto outcome = Run([this](auto&&, auto&&, auto&&, auto&&,
-                                  const ProgressCallback& progress, auto&&) {
-    progress({Stage::kGeodesics, 0, 0});
-    now_ += absl::Seconds(3);
-    progress({Stage::kGeodesics, 1, 0.5});
-    progress({Stage::kDense, 0, 0.5});
-    now_ += absl::Seconds(2);
-    progress({Stage::kDense, 1, 1});
-    return Correspondence();
-  });
+  const auto outcome =
+      Run([this](auto&&, auto&&, auto&&, auto&&, const MatchControl& control) {
+        control.progress({Stage::kGeodesics, 0, 0});
+        now_ += absl::Seconds(3);
+        control.progress({Stage::kGeodesics, 1, 0.5});
+        control.progress({Stage::kDense, 0, 0.5});
+        now_ += absl::Seconds(2);
+        control.progress({Stage::kDense, 1, 1});
+        return Correspondence();
+      });
   ASSERT_THAT(outcome, IsOk());
   const auto& times = outcome->result.stage_times;
   ASSERT_EQ(times.size(), 2);
@@ -101,15 +101,15 @@ TEST_F(JobRunnerTest, MeasuresTheSecondsOfEachStage) {
 }
 
 TEST_F(JobRunnerTest, PassesOnAReportEveryTenthOfASecondAndAllEnds) {
-  (void)Run([this](auto&&, auto&&, auto&&, auto&&,
-                   const ProgressCallback& progress, auto&&) {
-    for (const double fraction : {0.0, 0.1, 0.2, 0.3}) {
-      progress({Stage::kSeeds, fraction, 0});
-      now_ += absl::Milliseconds(60);
-    }
-    progress({Stage::kSeeds, 1, 0});
-    return Correspondence();
-  });
+  (void)Run(
+      [this](auto&&, auto&&, auto&&, auto&&, const MatchControl& control) {
+        for (const double fraction : {0.0, 0.1, 0.2, 0.3}) {
+          control.progress({Stage::kSeeds, fraction, 0});
+          now_ += absl::Milliseconds(60);
+        }
+        control.progress({Stage::kSeeds, 1, 0});
+        return Correspondence();
+      });
   EXPECT_THAT(reports_, ElementsAre(0.0, 0.2, 1.0));
 }
 

@@ -130,10 +130,11 @@ TEST_F(DurabilityTest, AWatcherIsToldThatTheJobGoesOnLater) {
 TEST_F(DurabilityTest, AWatcherIsToldItThoughAMessageIsJustOnItsWay) {
   MatchEngine engine = GatedEngine();
   engine.match =
-      [&](auto&&, auto&&, auto&&, auto&&, auto&&,
-          const std::stop_token& stop) -> absl::StatusOr<Correspondence> {
+      [&](auto&&, auto&&, auto&&, auto&&,
+          const MatchControl& control) -> absl::StatusOr<Correspondence> {
     ++matches_;
-    while (!stop.stop_requested()) {  // ends while QUEUED is being written
+    while (
+        !control.stop.stop_requested()) {  // ends while QUEUED is being written
     }
     return absl::CancelledError("cancelled");
   };

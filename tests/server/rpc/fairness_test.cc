@@ -46,15 +46,14 @@ class FairnessTest : public TestServer {
       }
       return std::int64_t{1} << 20;
     };
-    engine.match = [this, match = engine.match](auto&& x, auto&& y,
-                                                auto&& landmarks,
-                                                const MatchOptions& options,
-                                                auto&& progress, auto&& stop) {
+    engine.match = [this, match = engine.match](
+                       auto&& x, auto&& y, auto&& landmarks,
+                       const MatchOptions& options, auto&& control) {
       {
         MutexLock lock(mutex_);
         started_.push_back(static_cast<int>(options.random_seed));
       }
-      return match(x, y, landmarks, options, progress, stop);
+      return match(x, y, landmarks, options, control);
     };
     Restart(config, engine);
   }

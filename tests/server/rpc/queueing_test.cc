@@ -70,7 +70,7 @@ class QueueingTest : public TestServer {
       return asked_[options.random_seed].units * kUnitBytes;
     };
     engine.match = [this](auto&&, auto&&, auto&&, const MatchOptions& options,
-                          auto&&, auto&&) -> absl::StatusOr<Correspondence> {
+                          auto&&) -> absl::StatusOr<Correspondence> {
       const auto number = static_cast<int>(options.random_seed);
       MutexLock lock(mutex_);
       started_.push_back(number);

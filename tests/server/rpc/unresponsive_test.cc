@@ -35,10 +35,10 @@ class UnresponsiveTest : public TestServer {
     const auto match = engine.match;
     engine.match = [this, match](
                        auto&& mesh_x, auto&& mesh_y, auto&& landmarks,
-                       const MatchOptions& options, auto&& progress,
-                       auto&& stop) -> absl::StatusOr<Correspondence> {
+                       const MatchOptions& options,
+                       auto&& control) -> absl::StatusOr<Correspondence> {
       if (options.random_seed != kDeaf) {
-        return match(mesh_x, mesh_y, landmarks, options, progress, stop);
+        return match(mesh_x, mesh_y, landmarks, options, control);
       }
       ++matches_;
       while (!may_return_) absl::SleepFor(absl::Milliseconds(1));
