@@ -15,15 +15,16 @@ absl::StatusOr<FileOfY> ReadMatchFiles(const MatchPaths& files,
                             LoadMesh(files.x, "X", files.weld, warnings));
   ISOMATCH_ASSIGN_OR_RETURN(LoadedMesh y,
                             LoadMesh(files.y, "Y", files.weld, warnings));
-  FileOfY file_y = {y.WithFileFaces(), std::move(y.colors)};
+  TriangleMesh with_file_faces = y.WithFileFaces();
   request->mesh_x = std::move(x.mesh);
   request->mesh_y = std::move(y.mesh);
-  if (files.landmarks.empty()) return file_y;
-  ISOMATCH_ASSIGN_OR_RETURN(
-      request->landmarks,
-      ReadLandmarks(files.landmarks, request->mesh_x.num_vertices(),
-                    request->mesh_y.num_vertices()));
-  return file_y;
+  if (!files.landmarks.empty()) {
+    ISOMATCH_ASSIGN_OR_RETURN(
+        request->landmarks,
+        ReadLandmarks(files.landmarks, request->mesh_x.num_vertices(),
+                      request->mesh_y.num_vertices()));
+  }
+  return FileOfY{std::move(with_file_faces), std::move(y.colors)};
 }
 
 }  // namespace isomatch
