@@ -23,8 +23,8 @@ namespace isomatch {
 /// options and options.random_seed only, not on the number of threads.
 ///
 /// INVALID_ARGUMENT: a mesh, landmark or option is wrong; the message names
-/// field, value and what was expected. CANCELLED: `stop` was requested; the
-/// call returns within a quarter of a second, but for meshes of a million
+/// field, value and what was expected. CANCELLED: control.stop was requested;
+/// the call returns within a quarter of a second, but for meshes of a million
 /// vertices, which are cleaned in few steps, and the sparse factorization of
 /// large ones without decimation, which is not interrupted. RESOURCE_EXHAUSTED:
 /// a mesh cannot be decimated and needs more than options.memory_limit_bytes.

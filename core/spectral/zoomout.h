@@ -24,11 +24,12 @@ struct SpectralSurface {
 /// Refines a map by alternating between functional map and vertex map while
 /// the bases grow from `start` to `end` functions (Melzi et al., ZoomOut,
 /// 2019). `y_from_x` may be partial; the result is dense. Sizes are cut to the
-/// bases at hand. `progress`, when set, is called with a fraction in (0, 1].
+/// bases at hand. Reports fractions in (0, 1].
 ///
 /// REQUIRES: at least one match; 1 <= start <= end, step >= 1.
 /// Time O(iterations n_X n_Y k), beyond 10^8 pairs of vertices O(iterations
-/// (n_X + n_Y) k), see NearestOnSurface. CANCELLED after `stop`.
+/// (n_X + n_Y) k), see NearestOnSurface. CANCELLED after
+/// control.stop.
 absl::StatusOr<VertexMap> ZoomOut(const SpectralSurface& x,
                                   const SpectralSurface& y, VertexMap y_from_x,
                                   const ZoomOutOptions& options,

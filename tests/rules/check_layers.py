@@ -84,7 +84,7 @@ ONLY_CALLER = {"core/pipeline/matcher.h": {"server/jobs", "core/pipeline"},
 # Folder -> floors of its files, the lowest first, without .h and .cc. A file includes
 # none of a higher floor, but for the .cc files of the lowest one, which use all but
 # the highest: what a word is made of is not in its header.
-FLOORS = {
+FLOORS = {folder: [set(names.split()) for names in floors] for folder, floors in {
     "core/pipeline": [
         # What other folders speak of.
         "correspondence instruction_set joined_progress match_options memory_estimate"
@@ -103,8 +103,7 @@ FLOORS = {
         "accept_loop create_job download_result upload_mesh watch_job",
         "correspondence_service",
     ],
-}
-FLOORS = {folder: [set(names.split()) for names in floors] for folder, floors in FLOORS.items()}
+}.items()}
 
 INCLUDE = re.compile(r'^\s*#\s*include\s+[<"]([^>"]+)[>"]', re.M)
 
