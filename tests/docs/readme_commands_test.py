@@ -24,15 +24,15 @@ RUNNABLE = {"isomatch", "isomatch-server", "openssl", "umask"}
 
 # Blocks that other tests run as they stand: how many of a language in a section.
 ELSEWHERE = {
-    ("README.md", "From other languages", "python"): (1, "tests/clients/python/readme_test.py"),
-    ("client/README.md", "Python", "python"): (2, "tests/clients/python/readme_test.py"),
-    ("client/README.md", "Node", "sh"): (1, "tests/clients/python/readme_test.py"),
-    ("client/README.md", "C++", "cmake"): (1, "tests/clients/python/cpp_test.py"),
-    ("client/README.md", "C++", "cpp"): (1, "tests/clients/python/cpp_test.py"),
-    ("proto/README.md", "Numbering", "cpp"): (1, "tests/clients/python/numbering_test.py"),
-    ("proto/README.md", "Numbering", "js"): (1, "tests/clients/python/numbering_test.py"),
-    ("proto/README.md", "From a shell", "sh"): (3, "tests/clients/python/buf_test.py"),
-    ("proto/README.md", "In other languages", "sh"): (1, "tests/clients/python/languages_test.py"),
+    ("README.md", "From other languages", "python"): (1, "tests/languages/python/readme_test.py"),
+    ("client/README.md", "Python", "python"): (2, "tests/languages/python/readme_test.py"),
+    ("client/README.md", "Node", "sh"): (1, "tests/languages/python/readme_test.py"),
+    ("client/README.md", "C++", "cmake"): (1, "tests/languages/python/cpp_test.py"),
+    ("client/README.md", "C++", "cpp"): (1, "tests/languages/python/cpp_test.py"),
+    ("proto/README.md", "Numbering", "cpp"): (1, "tests/languages/python/numbering_test.py"),
+    ("proto/README.md", "Numbering", "js"): (1, "tests/languages/python/numbering_test.py"),
+    ("proto/README.md", "From a shell", "sh"): (3, "tests/languages/python/buf_test.py"),
+    ("proto/README.md", "In other languages", "sh"): (1, "tests/languages/python/generated_code_test.py"),
 }
 
 # Flags that the text names by themselves and that are other programs'.

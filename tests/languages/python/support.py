@@ -81,7 +81,7 @@ def run_isomatch(*arguments: str | os.PathLike[str]) -> None:
 @functools.cache
 def folder() -> pathlib.Path:
     """Of this process, removed at its end."""
-    path = tempfile.mkdtemp(prefix="isomatch-clients-")
+    path = tempfile.mkdtemp(prefix="isomatch-languages-")
     atexit.register(shutil.rmtree, path)
     return pathlib.Path(path)
 

@@ -62,7 +62,7 @@ GENERATED = {
 }  # fmt: skip
 
 
-class LanguagesTest(unittest.TestCase):
+class GeneratedCodeTest(unittest.TestCase):
     def test_every_file_is_generated_with_the_names_of_its_language(self):
         for language, expected in GENERATED.items():
             with self.subTest(language=language):
