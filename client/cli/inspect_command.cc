@@ -88,34 +88,49 @@ absl::Status Show(const InspectionReport& report, bool as_json,
   return absl::OkStatus();
 }
 
+/// What the files told: JSON of each, and the error of the last bad one.
+struct Inspections {
+  Json meshes = Json::array();
+  absl::Status last_error;
+};
+
+/// Inspects one file of several. That it cannot be read is no error of this
+/// function; an interruption is, and an output that cannot be written.
+absl::Status InspectOne(const std::string& path,
+                        const InspectArguments& arguments,
+                        const v1::GetServerInfoResponse& server,
+                        const Terminal& terminal, Inspections& inspections) {
+  if (terminal.stop.stop_requested()) {
+    return absl::CancelledError("interrupted");
+  }
+  const absl::StatusOr<InspectionReport> report =
+      Inspect(path, arguments.weld, server);
+  if (report.ok()) {
+    return Show(*report, arguments.json, terminal, inspections.meshes);
+  }
+  // The command ends with the last error; the others are printed here.
+  absl::Status& error = inspections.last_error;
+  if (!error.ok()) terminal.err << "isomatch: " << error.message() << std::endl;
+  error = report.status();
+  inspections.meshes.push_back(
+      {{"path", path}, {"error", std::string(error.message())}});
+  return absl::OkStatus();
+}
+
 absl::Status RunInspect(const InspectArguments& arguments,
                         const Terminal& terminal) {
   ISOMATCH_ASSIGN_OR_RETURN(const v1::GetServerInfoResponse server,
                             AskServer(arguments.connection, terminal));
-  absl::Status worst;
-  Json meshes = Json::array();
+  Inspections inspections;
   for (const std::string& path : arguments.meshes) {
-    if (terminal.stop.stop_requested()) {
-      return absl::CancelledError("interrupted");
-    }
-    const absl::StatusOr<InspectionReport> report =
-        Inspect(path, arguments.weld, server);
-    if (report.ok()) {
-      ISOMATCH_RETURN_IF_ERROR(Show(*report, arguments.json, terminal, meshes));
-      continue;
-    }
-    // The caller prints the last error.
-    if (!worst.ok()) {
-      terminal.err << "isomatch: " << worst.message() << std::endl;
-    }
-    worst = report.status();
-    meshes.push_back({{"path", path}, {"error", std::string(worst.message())}});
+    ISOMATCH_RETURN_IF_ERROR(
+        InspectOne(path, arguments, server, terminal, inspections));
   }
   if (arguments.json) {
     ISOMATCH_RETURN_IF_ERROR(
-        PrintJson({{"meshes", std::move(meshes)}}, terminal));
+        PrintJson({{"meshes", std::move(inspections.meshes)}}, terminal));
   }
-  return worst;
+  return inspections.last_error;
 }
 
 }  // namespace
