@@ -17,7 +17,7 @@
 #include "core/matching/first_stage.h"
 #include "core/matching/objective.h"
 #include "core/matching/second_stage.h"
-#include "core/pipeline/candidates.h"
+#include "core/pipeline/candidate_choice.h"
 #include "core/pipeline/conclusion.h"
 #include "core/pipeline/landmarks.h"
 #include "core/pipeline/lifting.h"

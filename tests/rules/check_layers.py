@@ -91,7 +91,7 @@ FLOORS = {folder: [set(names.split()) for names in floors] for folder, floors in
         " prepared_shape progress verdict",
         "memory_plan progress_reporter stage_plan",
         "prepared_mesh",
-        "candidates component_matching confidence landmarks lifting preparation",
+        "candidate_choice component_matching confidence landmarks lifting preparation",
         "conclusion prepared_shape_io shape_contents",
         "match_run",
         "match_engine matcher shape_matching",

@@ -1,4 +1,4 @@
-#include "core/pipeline/candidates.h"
+#include "core/pipeline/candidate_choice.h"
 
 #include <algorithm>
 #include <cmath>
