@@ -13,7 +13,7 @@
 #include "core/pipeline/matcher.h"
 #include "core/pipeline/memory_estimate.h"
 #include "core/pipeline/memory_plan.h"
-#include "server/engine/prepared_matching.h"
+#include "server/engine/match_with_cache.h"
 #include "server/jobs/errors.h"
 #include "server/machine/process_memory.h"
 

@@ -10,7 +10,7 @@
 #include <gtest/gtest.h>
 
 #include "core/pipeline/matcher.h"
-#include "server/engine/prepared_matching.h"
+#include "server/engine/match_with_cache.h"
 #include "server/storage/memory_blob_store.h"
 #include "tests/support/matchers.h"
 #include "tests/support/quick_options.h"

@@ -1,4 +1,4 @@
-#include "server/engine/prepared_matching.h"
+#include "server/engine/match_with_cache.h"
 
 #include <optional>
 #include <utility>
