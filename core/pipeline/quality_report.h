@@ -6,23 +6,11 @@
 #include "absl/status/status.h"
 #include "core/alignment/elastic_alignment.h"
 #include "core/base/vertex_index.h"
-#include "core/mesh/precise_point.h"
 #include "core/mesh/surface_point.h"
 #include "core/pipeline/correspondence.h"
 #include "core/pipeline/prepared_mesh.h"
 
 namespace isomatch {
-
-/// A map between working vertices (X's, Y's) in the user's numbering.
-VertexMap ToUserMap(const WorkingMesh& x, const WorkingMesh& y,
-                    const VertexMap& y_from_x);
-
-/// Points of Y's surface in the user's numbering; without any the vertices of
-/// `user_map`.
-std::vector<PrecisePoint> ToUserPoints(const WorkingMesh& x,
-                                       const WorkingMesh& y,
-                                       const std::vector<SurfacePoint>& points,
-                                       const VertexMap& user_map);
 
 /// A map between solved vertices and what is known of where it is wrong.
 struct SolvedMap {
