@@ -139,7 +139,7 @@ class IsomatchClient {
                                  const std::stop_token& stop);
   absl::Status Upload(const std::string& bytes, std::uint64_t chunk_bytes,
                       const std::stop_token& stop);
-  // Bytes of the mesh that the server has; nullopt when it has them all.
+  /// Bytes of the mesh that the server has; nullopt when it has them all.
   absl::StatusOr<std::optional<std::uint64_t>> FindReceived(
       const v1::Digest& digest, const std::stop_token& stop);
   absl::Status SendFrom(std::uint64_t offset, const std::string& bytes,
@@ -147,7 +147,7 @@ class IsomatchClient {
                         const std::stop_token& stop);
   absl::StatusOr<v1::Job> SendCreateJob(const v1::CreateJobRequest& request,
                                         const std::stop_token& stop);
-  // As Watch; `stop` cancels the job too.
+  /// As Watch; `stop` cancels the job too.
   absl::StatusOr<v1::Job> WatchOrCancel(const std::string& name,
                                         const JobCallback& on_change,
                                         const std::stop_token& stop);

@@ -64,7 +64,7 @@ class BatchRecord {
 
  private:
   absl::Status WriteReport() const;
-  // The paths of the parts that are wanted, by their key in the report.
+  /// The paths of the parts that are wanted, by their key in the report.
   std::vector<std::pair<std::string, std::string>> PartPaths() const;
 
   std::string stem_;

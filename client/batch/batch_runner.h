@@ -69,11 +69,11 @@ class BatchRunner {
                      BatchRecord* record, const std::stop_token& stop);
   void SetEnded(std::size_t index, BatchRow row, const absl::Status& status,
                 const std::stop_token& stop);
-  // Sleeps for a while; false when the user wants to stop.
+  /// Sleeps for a while; false when the user wants to stop.
   bool Wait(Backoff* backoff);
-  // Whether another pair is being matched, too, and does not wait itself.
+  /// True when another pair is being matched and is not in Wait.
   bool OthersRun();
-  // REQUIRES: mutex_ is held.
+  /// REQUIRES: mutex_ is held.
   void Tell();
 
   IsomatchClient* const client_;

@@ -53,8 +53,8 @@ class ProgressLine {
   void Show(const ProgressNews& news, absl::Time now = absl::Now());
 
  private:
-  // What is left at the speed since it was first seen running; nullopt while
-  // that says nothing.
+  /// What is left at the speed since it was first seen running; nullopt while
+  /// that says nothing.
   std::optional<absl::Duration> Left(const ProgressNews& news, absl::Time now);
 
   std::ostream& out_;
@@ -62,7 +62,7 @@ class ProgressLine {
   std::string last_label_;
   absl::Time last_line_ = absl::InfinitePast();
   bool drawn_ = false;
-  // When it was first seen running, and how far it was.
+  /// When it was first seen running, and how far it was.
   absl::Time first_seen_ = absl::InfiniteFuture();
   double first_fraction_ = 0;
 };

@@ -57,7 +57,7 @@ class AnimalPose {
   Eigen::Vector3d operator()(const Eigen::Vector3d& rest) const;
 
  private:
-  // A node of a chain, posed.
+  /// A node of a chain, posed.
   struct Frame {
     Eigen::Vector3d origin;
     Eigen::Quaterniond rotation;

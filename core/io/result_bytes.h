@@ -37,15 +37,15 @@ struct FunctionalMap {
 //   functional map  uint32 k, then float64: k eigenvalues of X, k of Y, the
 //                   k x k matrix by rows
 //
-// float32 since a point is known to far less than 1e-7 of an edge.
+// float32 is enough: no point is known as well as to 1e-7 of an edge.
 
 std::string EncodeMap(const VertexMap& y_from_x);
 std::string EncodePreciseMap(const std::vector<PrecisePoint>& points);
 std::string EncodeConfidence(const std::vector<float>& confidence);
 std::string EncodeFunctionalMap(const FunctionalMap& map);
 
-// DATA_LOSS: another number of bytes than expected, or a vertex that Y does not
-// have.
+// These return DATA_LOSS for another number of bytes than expected, and for a
+// vertex that Y does not have.
 
 absl::StatusOr<VertexMap> DecodeMap(absl::string_view bytes, PairSize size);
 absl::StatusOr<std::vector<PrecisePoint>> DecodePreciseMap(

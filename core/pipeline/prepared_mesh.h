@@ -75,6 +75,7 @@ struct PreparedMesh {
   std::optional<CoarseLevel> coarse;
 
   // What was computed on solved().
+
   GeodesicHash hash;
   CotanLaplacian laplacian;
   SpectralBasis spectral;     ///< empty where the options need none
