@@ -22,6 +22,7 @@ constexpr char kMetadata[] = "isomatch/metadata/";
 
 /// Disks fill and empty slowly.
 constexpr absl::Duration kRetryStorageFailed = absl::Seconds(10);
+constexpr absl::Duration kRetryStorageSilent = absl::Seconds(2);
 constexpr absl::Duration kRetryContentUnavailable = absl::Seconds(5);
 constexpr absl::Duration kRetryOutOfMemory = absl::Seconds(5);
 constexpr absl::Duration kRetryStorageQuota = absl::Seconds(10);
@@ -196,6 +197,14 @@ absl::Status StorageFailed(const absl::Status& problem) {
                         absl::StrCat("the server cannot store the job: ",
                                      problem.message())),
                    kRetryStorageFailed);
+}
+
+absl::Status StorageSilent(const absl::Status& problem) {
+  return WithRetry(
+      Make(absl::StatusCode::kUnavailable, kStorageFailed,
+           absl::StrCat("the server cannot read its jobs just now: ",
+                        problem.message())),
+      kRetryStorageSilent);
 }
 
 absl::Status StorageQuota(const std::string& tenant, std::int64_t size_bytes,

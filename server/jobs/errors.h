@@ -60,6 +60,7 @@ absl::Status TenantUploadsQuota(const std::string& tenant, std::int64_t uploads,
                                 absl::Duration retry_after);
 /// RESOURCE_EXHAUSTED if `problem` is, else UNAVAILABLE.
 absl::Status StorageFailed(const absl::Status& problem);
+absl::Status StorageSilent(const absl::Status& problem);
 absl::Status OutOfMemory(
     absl::string_view message = "the server ran out of memory for this job");
 

@@ -1,6 +1,5 @@
 #include "server/jobs/job_execution.h"
 
-#include <optional>
 #include <utility>
 
 #include "core/base/sha256.h"
@@ -122,9 +121,9 @@ absl::Status JobExecution::StoreParts(const std::string& tenant,
 
 void JobExecution::Settle(LiveJob& live, Progress& progress,
                           const absl::Status& error) {
-  const std::optional<JobRecord> now = environment_.jobs->Get(live.id);
+  const auto now = lifecycle_.Read(live.id);
   // Memory may have ended after it had moved.
-  if (now && now->state == JobState::kSucceeded) return;
+  if (now.ok() && now->state == JobState::kSucceeded) return;
   if (!progress.started) {
     scheduler_.FailIfStill(JobState::kQueued, live.id, error);
     scheduler_.FailIfStill(JobState::kRunning, live.id, error);
@@ -142,8 +141,8 @@ void JobExecution::Settle(LiveJob& live, Progress& progress,
 }
 
 void JobExecution::PutBack(const std::string& id) {
-  const std::optional<JobRecord> record = environment_.jobs->Get(id);
-  if (!record || record->state != JobState::kRunning) return;
+  const auto record = lifecycle_.Read(id);
+  if (!record.ok() || record->state != JobState::kRunning) return;
   const bool is_fault = watchdog_.HasFreedMemory(id);
   if (is_fault && record->faults + 1 >= environment_.limits.max_faults) {
     lifecycle_.Fail(

@@ -43,7 +43,8 @@ absl::StatusOr<std::optional<JobSnapshot>> JobIntake::FindRequest(
     const std::string& request_sha256) const {
   if (request_id.empty()) return std::nullopt;
   auto record = environment_.jobs->FindByRequestId(caller.tenant, request_id);
-  if (!record) return std::nullopt;
+  if (absl::IsNotFound(record.status())) return std::nullopt;
+  if (!record.ok()) return StorageSilent(record.status());
   if (record->request_sha256 != request_sha256) {
     return RequestIdReused(request_id);
   }
@@ -60,7 +61,7 @@ absl::StatusOr<JobIntake::SeatPtr> JobIntake::TakeSeat(
     if (request_id.empty()) return taken;
   }
   // The answer may be the job that the request has made before.
-  if (environment_.jobs->FindByRequestId(caller.tenant, request_id)) {
+  if (environment_.jobs->FindByRequestId(caller.tenant, request_id).ok()) {
     return SeatPtr();
   }
   MutexLock lock(mutex_);

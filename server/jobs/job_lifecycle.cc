@@ -1,6 +1,5 @@
 #include "server/jobs/job_lifecycle.h"
 
-#include <optional>
 #include <utility>
 
 #include "core/base/status_macros.h"
@@ -38,11 +37,18 @@ JobLifecycle::JobLifecycle(const JobEnvironment& environment,
 
 absl::StatusOr<JobRecord> JobLifecycle::Find(const Caller& caller,
                                              const std::string& id) const {
-  std::optional<JobRecord> record = environment_.jobs->Get(id);
-  const bool may_know = record && (caller.role == Role::kAdmin ||
-                                   caller.tenant == record->tenant);
+  ISOMATCH_ASSIGN_OR_RETURN(JobRecord record, Read(id));
+  const bool may_know =
+      caller.role == Role::kAdmin || caller.tenant == record.tenant;
   if (!may_know) return JobNotFound(id);
-  return *std::move(record);
+  return record;
+}
+
+absl::StatusOr<JobRecord> JobLifecycle::Read(const std::string& id) const {
+  auto record = environment_.jobs->Get(id);
+  if (record.ok()) return record;
+  if (absl::IsNotFound(record.status())) return JobNotFound(id);
+  return StorageSilent(record.status());
 }
 
 absl::StatusOr<JobRecord> JobLifecycle::Move(const std::string& id, JobState to,
@@ -88,10 +94,9 @@ absl::StatusOr<JobRecord> JobLifecycle::Change(const std::string& id,
 absl::StatusOr<JobRecord> JobLifecycle::Replace(const std::string& id,
                                                 const Edit& edit) {
   while (true) {
-    std::optional<JobRecord> record = environment_.jobs->Get(id);
-    if (!record) return JobNotFound(id);
-    ISOMATCH_RETURN_IF_ERROR(edit(*record));
-    auto changed = environment_.jobs->Update(*std::move(record));
+    ISOMATCH_ASSIGN_OR_RETURN(JobRecord record, Read(id));
+    ISOMATCH_RETURN_IF_ERROR(edit(record));
+    auto changed = environment_.jobs->Update(std::move(record));
     if (!absl::IsAborted(changed.status())) return changed;
   }
 }

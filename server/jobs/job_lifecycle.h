@@ -41,7 +41,10 @@ class JobLifecycle {
   Watchers& watchers() { return watchers_; }
   DisconnectGuard& guard() { return guard_; }
 
-  /// Returns the job if the caller may know of it, else NOT_FOUND.
+  /// Returns the job. NOT_FOUND (JOB_NOT_FOUND), UNAVAILABLE (STORAGE_FAILED).
+  absl::StatusOr<JobRecord> Read(const std::string& id) const;
+
+  /// The same if the caller may know of it, else NOT_FOUND.
   absl::StatusOr<JobRecord> Find(const Caller& caller,
                                  const std::string& id) const;
 

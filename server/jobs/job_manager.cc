@@ -38,7 +38,8 @@ JobManager::JobManager(JobEnvironment environment)
 void JobManager::Begin() {
   JobFilter all;
   all.limit = std::numeric_limits<int>::max();
-  std::vector<JobRecord> records = environment_.jobs->List(all);
+  // What is in this process is there, or the process is not.
+  std::vector<JobRecord> records = *environment_.jobs->List(all);
   std::reverse(records.begin(), records.end());  // the oldest first
   scheduler_.Begin();
   // All pins before anything is stored or forgotten.
@@ -103,11 +104,13 @@ absl::StatusOr<JobSnapshot> JobManager::Get(const Caller& caller,
   return scheduler_.SnapshotOf(std::move(record));
 }
 
-std::vector<JobSnapshot> JobManager::List(const Caller& caller,
-                                          JobFilter filter) const {
+absl::StatusOr<std::vector<JobSnapshot>> JobManager::List(
+    const Caller& caller, JobFilter filter) const {
   if (caller.role != Role::kAdmin) filter.tenant = caller.tenant;
+  auto records = environment_.jobs->List(filter);
+  if (!records.ok()) return StorageSilent(records.status());
   std::vector<JobSnapshot> snapshots;
-  for (JobRecord& record : environment_.jobs->List(filter)) {
+  for (JobRecord& record : *records) {
     snapshots.push_back(scheduler_.SnapshotOf(std::move(record)));
   }
   return snapshots;

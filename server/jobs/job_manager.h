@@ -101,7 +101,8 @@ class JobManager {
 
   absl::StatusOr<JobSnapshot> Get(const Caller& caller,
                                   const std::string& id) const;
-  std::vector<JobSnapshot> List(const Caller& caller, JobFilter filter) const;
+  absl::StatusOr<std::vector<JobSnapshot>> List(const Caller& caller,
+                                                JobFilter filter) const;
 
   /// Makes the job CANCELLED. NOT_FOUND; FAILED_PRECONDITION (JOB_TERMINAL).
   absl::StatusOr<JobSnapshot> Cancel(const Caller& caller,

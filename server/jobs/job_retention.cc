@@ -62,13 +62,14 @@ void JobRetention::RemoveParts(const std::string& tenant,
 
 void JobRetention::Prune(std::int64_t room_bytes) {
   const JobLimits& limits = environment_.limits;
-  RemoveResults(environment_.jobs->Prune(
+  const auto removed = environment_.jobs->Prune(
       {.max_jobs = limits.max_kept_jobs,
        .max_jobs_per_tenant = limits.tenant.kept_jobs,
        .max_result_bytes = limits.max_result_bytes,
        .ended_before = environment_.BelievedTime() - limits.job_retention,
        .ended_before_steady = environment_.uptime() - limits.job_retention,
-       .room_bytes = room_bytes}));
+       .room_bytes = room_bytes});
+  if (removed.ok()) RemoveResults(*removed);
 }
 
 void JobRetention::RemoveResults(const std::vector<JobRecord>& removed) {
@@ -83,7 +84,8 @@ void JobRetention::OnDeleted(const JobRecord& removed) {
   RemoveResults({removed});
   for (size_t i = 1; i < removed.inputs.size(); ++i) {
     const std::string& mesh = removed.inputs[i];
-    if (environment_.jobs->HasInput(removed.tenant, mesh)) continue;
+    const auto is_named = environment_.jobs->HasInput(removed.tenant, mesh);
+    if (!is_named.ok() || *is_named) continue;
     environment_.blobs->Remove({removed.tenant, mesh});
   }
 }

@@ -163,8 +163,8 @@ void JobScheduler::PutInQueue(const std::shared_ptr<LiveJob>& live) {
     if (!environment_.limits.durable) (void)Stop(id, JobState::kCancelled);
     return;
   }
-  const std::optional<JobRecord> now = environment_.jobs->Get(id);
-  if (!now || IsTerminal(now->state)) Unqueue(id);  // ended meanwhile
+  const auto now = lifecycle_.Read(id);
+  if (!now.ok() || IsTerminal(now->state)) Unqueue(id);  // ended meanwhile
 }
 
 void JobScheduler::PushLocked(const std::shared_ptr<LiveJob>& live) {
@@ -179,8 +179,8 @@ void JobScheduler::PushLocked(const std::shared_ptr<LiveJob>& live) {
 }
 
 void JobScheduler::EnqueueAgain(const LiveJob& before) {
-  const std::optional<JobRecord> record = environment_.jobs->Get(before.id);
-  if (!record || record->state != JobState::kQueued) return;
+  const auto record = lifecycle_.Read(before.id);
+  if (!record.ok() || record->state != JobState::kQueued) return;
   const std::shared_ptr<LiveJob> live = NewLive(*record);
   live->TakePlaceOf(before);
   if (live->unreadable > 0 || live->awaited_bytes > 0) Hold(live);

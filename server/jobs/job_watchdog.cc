@@ -1,11 +1,11 @@
 #include "server/jobs/job_watchdog.h"
 
 #include <algorithm>
-#include <optional>
 #include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
 #include "server/jobs/errors.h"
 #include "server/jobs/within_memory.h"
 
@@ -126,14 +126,13 @@ absl::StatusOr<JobRecord> JobWatchdog::RecordNoAnswer(const std::string& id) {
   const JobLimits& limits = environment_.limits;
   const bool is_last = scheduler_.load().draining;
   const bool has_next = limits.durable && (is_last || environment_.on_give_up);
-  const std::optional<JobRecord> record = environment_.jobs->Get(id);
-  if (!record) return JobNotFound(id);
-  const int faults = record->faults + 1;
+  ISOMATCH_ASSIGN_OR_RETURN(const JobRecord record, lifecycle_.Read(id));
+  const int faults = record.faults + 1;
   const auto mark = [&](JobRecord& now) {
     now.unresponsive = true;
     now.faults = faults;
   };
-  if (record->state == JobState::kRunning) {
+  if (record.state == JobState::kRunning) {
     const bool runs_again = has_next && faults < limits.max_faults;
     auto moved =
         lifecycle_.Move(id, runs_again ? JobState::kQueued : JobState::kFailed,

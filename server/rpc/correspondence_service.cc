@@ -122,7 +122,9 @@ absl::Status List(const ServiceContext& context, const Caller& caller,
   ISOMATCH_ASSIGN_OR_RETURN(JobFilter filter, ParseListJobs(request));
   const int page_size = filter.limit;
   ++filter.limit;  // one more tells whether there is a next page
-  FillPage(context.manager->List(caller, filter), filter, page_size, response);
+  ISOMATCH_ASSIGN_OR_RETURN(const std::vector<JobSnapshot> jobs,
+                            context.manager->List(caller, filter));
+  FillPage(jobs, filter, page_size, response);
   return absl::OkStatus();
 }
 

@@ -43,7 +43,8 @@ struct KeepLimits {
 };
 
 /// The record of all jobs. Thread-safe; changes are decided by sequence
-/// numbers, so that no caller needs a lock across a read and a write.
+/// numbers, so that no caller needs a lock across a read and a write. Every
+/// function may also return UNAVAILABLE: the store does not answer just now.
 class JobStore {
  public:
   virtual ~JobStore() = default;
@@ -60,17 +61,19 @@ class JobStore {
   /// job is on its way there.
   virtual absl::StatusOr<JobRecord> Update(JobRecord record) = 0;
 
-  virtual std::optional<JobRecord> Get(const std::string& id) const = 0;
-  virtual std::optional<JobRecord> FindByRequestId(
+  /// NOT_FOUND when there is none.
+  virtual absl::StatusOr<JobRecord> Get(const std::string& id) const = 0;
+  virtual absl::StatusOr<JobRecord> FindByRequestId(
       const std::string& tenant, const std::string& request_id) const = 0;
 
   /// Whether a job of the tenant has the blob among its inputs, whatever its
   /// state.
-  virtual bool HasInput(const std::string& tenant,
-                        const std::string& sha256) const = 0;
+  virtual absl::StatusOr<bool> HasInput(const std::string& tenant,
+                                        const std::string& sha256) const = 0;
 
   /// Newest first.
-  virtual std::vector<JobRecord> List(const JobFilter& filter) const = 0;
+  virtual absl::StatusOr<std::vector<JobRecord>> List(
+      const JobFilter& filter) const = 0;
 
   /// Removes a terminal job and returns what it was. NOT_FOUND;
   /// FAILED_PRECONDITION when it is not terminal.
@@ -82,7 +85,8 @@ class JobStore {
 
   /// Removes the terminal jobs that KeptJobs::Excess names, as many as the disk
   /// lets go, and returns them.
-  virtual std::vector<JobRecord> Prune(const KeepLimits& limits) = 0;
+  virtual absl::StatusOr<std::vector<JobRecord>> Prune(
+      const KeepLimits& limits) = 0;
 };
 
 }  // namespace isomatch

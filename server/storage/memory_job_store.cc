@@ -138,23 +138,25 @@ absl::StatusOr<JobRecord> MemoryJobStore::Keep(JobRecord record) {
   return record;
 }
 
-std::optional<JobRecord> MemoryJobStore::Get(const std::string& id) const {
+absl::StatusOr<JobRecord> MemoryJobStore::Get(const std::string& id) const {
   MutexLock lock(mutex_);
   const auto position = records_.find(id);
-  if (position == records_.end()) return std::nullopt;
+  if (position == records_.end()) return NotFound(id);
   return position->second;
 }
 
-std::optional<JobRecord> MemoryJobStore::FindByRequestId(
+absl::StatusOr<JobRecord> MemoryJobStore::FindByRequestId(
     const std::string& tenant, const std::string& request_id) const {
   MutexLock lock(mutex_);
   const auto position = by_request_.find({tenant, request_id});
-  if (position == by_request_.end()) return std::nullopt;
+  if (position == by_request_.end()) {
+    return absl::NotFoundError(absl::StrCat("no job of request ", request_id));
+  }
   return records_.at(position->second);
 }
 
-bool MemoryJobStore::HasInput(const std::string& tenant,
-                              const std::string& sha256) const {
+absl::StatusOr<bool> MemoryJobStore::HasInput(const std::string& tenant,
+                                              const std::string& sha256) const {
   MutexLock lock(mutex_);
   return std::any_of(records_.begin(), records_.end(), [&](const auto& entry) {
     const JobRecord& record = entry.second;
@@ -164,7 +166,8 @@ bool MemoryJobStore::HasInput(const std::string& tenant,
   });
 }
 
-std::vector<JobRecord> MemoryJobStore::List(const JobFilter& filter) const {
+absl::StatusOr<std::vector<JobRecord>> MemoryJobStore::List(
+    const JobFilter& filter) const {
   std::vector<JobRecord> found;
   MutexLock lock(mutex_);
   auto position = filter.before_number == 0
@@ -181,20 +184,20 @@ std::vector<JobRecord> MemoryJobStore::List(const JobFilter& filter) const {
 
 absl::StatusOr<JobRecord> MemoryJobStore::Delete(const std::string& id) {
   MutexLock writing(writer_mutex_);
-  std::optional<JobRecord> record = Get(id);
-  if (!record) return NotFound(id);
-  if (!IsTerminal(record->state)) {
+  ISOMATCH_ASSIGN_OR_RETURN(JobRecord record, Get(id));
+  if (!IsTerminal(record.state)) {
     return absl::FailedPreconditionError(
-        absl::StrCat("job ", id, " is ", JobStateName(record->state)));
+        absl::StrCat("job ", id, " is ", JobStateName(record.state)));
   }
   if (journal_ != nullptr) ISOMATCH_RETURN_IF_ERROR(journal_->Remove({id}));
   unwritten_.erase(id);
   MutexLock lock(mutex_);
   Remove(id);
-  return *std::move(record);
+  return record;
 }
 
-std::vector<JobRecord> MemoryJobStore::Prune(const KeepLimits& limits) {
+absl::StatusOr<std::vector<JobRecord>> MemoryJobStore::Prune(
+    const KeepLimits& limits) {
   MutexLock writing(writer_mutex_);
   std::vector<JobRecord> removed;
   std::vector<std::string> ids;
@@ -266,7 +269,7 @@ absl::Status MemoryJobStore::WriteJournal(std::vector<JobRecord> records) {
   const std::string now = records.empty() ? "" : records.front().id;
   for (const std::string& id : unwritten_) {
     const auto other = Get(id);
-    if (other && id != now) records.push_back(*other);
+    if (other.ok() && id != now) records.push_back(*other);
   }
   ISOMATCH_RETURN_IF_ERROR(journal_->Write(records));
   unwritten_.clear();

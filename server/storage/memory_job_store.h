@@ -41,15 +41,17 @@ class MemoryJobStore : public JobStore {
 
   absl::StatusOr<JobRecord> Insert(JobRecord record) override;
   absl::StatusOr<JobRecord> Update(JobRecord record) override;
-  std::optional<JobRecord> Get(const std::string& id) const override;
-  std::optional<JobRecord> FindByRequestId(
+  absl::StatusOr<JobRecord> Get(const std::string& id) const override;
+  absl::StatusOr<JobRecord> FindByRequestId(
       const std::string& tenant, const std::string& request_id) const override;
-  bool HasInput(const std::string& tenant,
-                const std::string& sha256) const override;
-  std::vector<JobRecord> List(const JobFilter& filter) const override;
+  absl::StatusOr<bool> HasInput(const std::string& tenant,
+                                const std::string& sha256) const override;
+  absl::StatusOr<std::vector<JobRecord>> List(
+      const JobFilter& filter) const override;
   absl::StatusOr<JobRecord> Delete(const std::string& id) override;
   void Flush() override;
-  std::vector<JobRecord> Prune(const KeepLimits& limits) override;
+  absl::StatusOr<std::vector<JobRecord>> Prune(
+      const KeepLimits& limits) override;
 
  private:
   using Records = std::unordered_map<std::string, JobRecord>;

@@ -60,9 +60,10 @@ std::vector<std::uint64_t> AllPages(const MemoryJobStore& store,
   for (int page = 0; page <= kJobs; ++page) {
     const auto filter = ParseListJobs(request);
     ISOMATCH_CHECK(filter.ok());
-    const std::vector<JobRecord> jobs = store.List(*filter);
-    if (jobs.empty()) return numbers;
-    for (const JobRecord& job : jobs) {
+    const auto jobs = store.List(*filter);
+    ISOMATCH_CHECK(jobs.ok());
+    if (jobs->empty()) return numbers;
+    for (const JobRecord& job : *jobs) {
       ISOMATCH_CHECK(numbers.empty() || job.number < numbers.back());
       ISOMATCH_CHECK(Matches(job, request));
       numbers.push_back(job.number);
@@ -81,7 +82,9 @@ void CheckPages(const MemoryJobStore& store,
     return;
   }
   std::size_t matching = 0;
-  for (const JobRecord& record : store.List({.limit = 1000})) {
+  const auto all = store.List({.limit = 1000});
+  ISOMATCH_CHECK(all.ok());
+  for (const JobRecord& record : *all) {
     matching += Matches(record, request) ? 1 : 0;
   }
   ISOMATCH_CHECK(AllPages(store, request).size() == matching);

@@ -53,7 +53,7 @@ TEST_F(FullUpgradeTest, DoesWithoutWhatWasPrepared) {
   disk_.Fill();
   const auto stores = OpenStores(ConfigOf(folder_));
   ASSERT_THAT(stores, IsOk());
-  EXPECT_THAT(stores->jobs->List({}), testing::SizeIs(3));
+  EXPECT_THAT(*stores->jobs->List({}), testing::SizeIs(3));
   EXPECT_FALSE(fs::exists(prepared));
 }
 
@@ -65,7 +65,7 @@ TEST_F(FullUpgradeTest, DoesWithTheRoomOfWhatWasHalfWritten) {
   disk_.Fill();
   const auto stores = OpenStores(ConfigOf(folder_));
   ASSERT_THAT(stores, IsOk());
-  EXPECT_THAT(stores->jobs->List({}), testing::SizeIs(3));
+  EXPECT_THAT(*stores->jobs->List({}), testing::SizeIs(3));
   EXPECT_TRUE(fs::exists(prepared));
 }
 

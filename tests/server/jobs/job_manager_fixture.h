@@ -30,7 +30,7 @@ inline std::string ReasonOf(const absl::Status& status) {
 /// Lets something happen just before a request is looked up, or a job changes.
 class JobStoreWithHook : public MemoryJobStore {
  public:
-  std::optional<JobRecord> FindByRequestId(
+  absl::StatusOr<JobRecord> FindByRequestId(
       const std::string& tenant, const std::string& request_id) const override {
     if (before_find) before_find();
     return MemoryJobStore::FindByRequestId(tenant, request_id);

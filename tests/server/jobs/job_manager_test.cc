@@ -162,9 +162,9 @@ TEST_F(JobManagerTest, OthersDoNotSeeATenantsJobs) {
   const std::string id = manager_->Create(mine, spec)->record.id;
   EXPECT_EQ(ReasonOf(manager_->Get(other, id).status()), "JOB_NOT_FOUND");
   EXPECT_EQ(ReasonOf(manager_->Cancel(other, id).status()), "JOB_NOT_FOUND");
-  EXPECT_THAT(manager_->List(other, {}), testing::IsEmpty());
-  EXPECT_THAT(manager_->List(mine, {}), testing::SizeIs(1));
-  EXPECT_THAT(manager_->List(caller_, {}), testing::SizeIs(1));  // an admin
+  EXPECT_THAT(*manager_->List(other, {}), testing::IsEmpty());
+  EXPECT_THAT(*manager_->List(mine, {}), testing::SizeIs(1));
+  EXPECT_THAT(*manager_->List(caller_, {}), testing::SizeIs(1));  // an admin
   EXPECT_NE(manager_->Create(other, spec)->record.id, id);  // its own request r
   while (workers_.RunNext()) {
   }
@@ -199,7 +199,7 @@ TEST_F(JobManagerTest, InputsThatCannotBeKeptRefuseTheJob) {
   EXPECT_EQ(ReasonOf(manager_->Create(caller_, spec).status()), "MESH_MISSING");
   EXPECT_TRUE(AllRoomIsFree());
   EXPECT_EQ(manager_->load().queued_jobs, 0);
-  EXPECT_THAT(manager_->List(caller_, {}), testing::IsEmpty());
+  EXPECT_THAT(*manager_->List(caller_, {}), testing::IsEmpty());
 }
 
 TEST_F(JobManagerTest, WhatNeverFitsIsRefusedAtOnce) {
@@ -361,7 +361,7 @@ TEST_F(JobManagerTest, ValidateOnlyKeepsNothing) {
   ASSERT_THAT(snapshot, IsOk());
   EXPECT_EQ(snapshot->record.id, "");
   EXPECT_EQ(snapshot->record.memory_estimate_bytes, 7);
-  EXPECT_TRUE(manager_->List(caller_, {}).empty());
+  EXPECT_TRUE(manager_->List(caller_, {})->empty());
   EXPECT_FALSE(workers_.RunNext());
 }
 
@@ -483,7 +483,9 @@ TEST_F(JobManagerTest, JobsCancelledAndTimedOutByManyThreadsAllEnd) {
   manager.Shutdown(absl::Seconds(20));
   EXPECT_EQ(budget_.reserved_bytes(), 0);
   EXPECT_EQ(manager.load().queued_jobs, 0);
-  for (const JobSnapshot& job : manager.List(caller_, {.limit = 1000})) {
+  const auto jobs = manager.List(caller_, {.limit = 1000});
+  ASSERT_THAT(jobs, IsOk());
+  for (const JobSnapshot& job : *jobs) {
     EXPECT_TRUE(IsTerminal(job.record.state)) << job.record.id;
   }
 }

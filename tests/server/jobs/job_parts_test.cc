@@ -87,7 +87,7 @@ TEST_F(JobPartsTest, OnlySoManyTerminalJobsAreKeptWithTheirResults) {
     Create();
     EXPECT_TRUE(workers_.RunNext());
   }
-  EXPECT_EQ(manager_->List(caller_, {}).size(), 2);
+  EXPECT_EQ(manager_->List(caller_, {})->size(), 2);
   EXPECT_EQ(StateOf("job3"), "GONE");
   EXPECT_EQ(StateOf("job4"), "SUCCEEDED");
   // The results that are gone may be evicted: a blob of all their room fits.

@@ -387,7 +387,7 @@ TEST_F(FullDiskTest, HundredsOfJobsAreForgotten) {
   MemoryJobStore store(records, journal->get(), [](const absl::Status& error) {
     ADD_FAILURE() << error;
   });
-  EXPECT_THAT(store.Prune({.ended_before = absl::InfiniteFuture()}),
+  EXPECT_THAT(*store.Prune({.ended_before = absl::InfiniteFuture()}),
               SizeIs(kJobs));
   *journal = nullptr;
   journal = SqliteJournal::Open(path_);

@@ -89,13 +89,13 @@ TEST(MemoryJobStoreTest, ListsNewestFirstByStateAndInPages) {
     ASSERT_THAT(store.Insert(NewJob(id)), IsOk());
   }
   Succeed(store, "b", 0);
-  EXPECT_THAT(Ids(store.List({})), ElementsAre("d", "c", "b", "a"));
-  EXPECT_THAT(Ids(store.List({.states = {JobState::kSucceeded}})),
+  EXPECT_THAT(Ids(*store.List({})), ElementsAre("d", "c", "b", "a"));
+  EXPECT_THAT(Ids(*store.List({.states = {JobState::kSucceeded}})),
               ElementsAre("b"));
-  const auto page = store.List({.limit = 2});
+  const auto page = *store.List({.limit = 2});
   EXPECT_THAT(Ids(page), ElementsAre("d", "c"));
   EXPECT_THAT(
-      Ids(store.List({.before_number = page.back().number, .limit = 2})),
+      Ids(*store.List({.before_number = page.back().number, .limit = 2})),
       ElementsAre("b", "a"));
 }
 
@@ -111,14 +111,14 @@ TEST(MemoryJobStoreTest, ListsOnlyJobsThatHaveAllLabels) {
   job.labels = {{"pose", "run"}, {"user", "x"}};
   ASSERT_THAT(store.Insert(job), IsOk());
   const auto with = [&](const std::map<std::string, std::string>& labels) {
-    return Ids(store.List({.limit = 10, .labels = labels}));
+    return Ids(*store.List({.limit = 10, .labels = labels}));
   };
   EXPECT_THAT(with({}), ElementsAre("c", "b", "a"));
   EXPECT_THAT(with({{"pose", "walk"}}), ElementsAre("b", "a"));
   EXPECT_THAT(with({{"pose", "walk"}, {"user", "x"}}), ElementsAre("a"));
   EXPECT_THAT(with({{"pose", ""}}), IsEmpty());
   // The page is full of jobs that match, not of jobs that were looked at.
-  EXPECT_THAT(Ids(store.List({.limit = 1, .labels = {{"pose", "walk"}}})),
+  EXPECT_THAT(Ids(*store.List({.limit = 1, .labels = {{"pose", "walk"}}})),
               ElementsAre("b"));
 }
 
@@ -130,8 +130,9 @@ TEST(MemoryJobStoreTest, OnlyTerminalJobsAreDeleted) {
   Succeed(store, "a", 1);
   EXPECT_THAT(store.Delete("a"), IsOk());
   EXPECT_THAT(store.Delete("a"), StatusIs(absl::StatusCode::kNotFound, _));
-  EXPECT_FALSE(store.FindByRequestId("", "r"));
-  EXPECT_THAT(store.List({}), IsEmpty());
+  EXPECT_THAT(store.FindByRequestId("", "r"),
+              StatusIs(absl::StatusCode::kNotFound, _));
+  EXPECT_THAT(*store.List({}), IsEmpty());
 }
 
 TEST(MemoryJobStoreTest, PruneRemovesTheFirstThatEndedAndNoOthers) {
@@ -142,15 +143,15 @@ TEST(MemoryJobStoreTest, PruneRemovesTheFirstThatEndedAndNoOthers) {
   Succeed(store, "c", 10);
   Succeed(store, "a", 10);
   Succeed(store, "b", 10);
-  EXPECT_THAT(Ids(store.Prune({.max_jobs = 3, .max_result_bytes = 30})),
+  EXPECT_THAT(Ids(*store.Prune({.max_jobs = 3, .max_result_bytes = 30})),
               IsEmpty());
-  EXPECT_THAT(Ids(store.Prune({.max_jobs = 2, .max_result_bytes = 30})),
+  EXPECT_THAT(Ids(*store.Prune({.max_jobs = 2, .max_result_bytes = 30})),
               ElementsAre("c"));
-  EXPECT_THAT(Ids(store.Prune({.max_jobs = 2, .max_result_bytes = 10})),
+  EXPECT_THAT(Ids(*store.Prune({.max_jobs = 2, .max_result_bytes = 10})),
               ElementsAre("a"));
-  EXPECT_THAT(Ids(store.Prune({.max_jobs = 2, .max_result_bytes = 10})),
+  EXPECT_THAT(Ids(*store.Prune({.max_jobs = 2, .max_result_bytes = 10})),
               IsEmpty());
-  EXPECT_THAT(Ids(store.List({})), ElementsAre("d", "b"));
+  EXPECT_THAT(Ids(*store.List({})), ElementsAre("d", "b"));
 }
 
 TEST(MemoryJobStoreTest, TheLastToEndIsKeptHoweverLargeItsResult) {
@@ -159,9 +160,9 @@ TEST(MemoryJobStoreTest, TheLastToEndIsKeptHoweverLargeItsResult) {
     ASSERT_THAT(store.Insert(NewJob(id)), IsOk());
     Succeed(store, id, 1000);
   }
-  EXPECT_THAT(Ids(store.Prune({.max_jobs = 2, .max_result_bytes = 10})),
+  EXPECT_THAT(Ids(*store.Prune({.max_jobs = 2, .max_result_bytes = 10})),
               ElementsAre("a"));
-  EXPECT_THAT(Ids(store.List({})), ElementsAre("b"));
+  EXPECT_THAT(Ids(*store.List({})), ElementsAre("b"));
 }
 
 TEST(MemoryJobStoreTest, PruneRemovesAllThatEndedTooLongAgo) {
@@ -177,12 +178,12 @@ TEST(MemoryJobStoreTest, PruneRemovesAllThatEndedTooLongAgo) {
     record.end_time = end;
     ASSERT_THAT(store.Update(record), IsOk());
   }
-  EXPECT_THAT(Ids(store.Prune({.ended_before = now})), IsEmpty());
-  EXPECT_THAT(Ids(store.Prune({.ended_before = now + absl::Seconds(1)})),
+  EXPECT_THAT(Ids(*store.Prune({.ended_before = now})), IsEmpty());
+  EXPECT_THAT(Ids(*store.Prune({.ended_before = now + absl::Seconds(1)})),
               ElementsAre("a"));
-  EXPECT_THAT(Ids(store.Prune({.ended_before = now + absl::Hours(1)})),
+  EXPECT_THAT(Ids(*store.Prune({.ended_before = now + absl::Hours(1)})),
               ElementsAre("b"));
-  EXPECT_THAT(Ids(store.List({})), ElementsAre("c"));
+  EXPECT_THAT(Ids(*store.List({})), ElementsAre("c"));
 }
 
 TEST(MemoryJobStoreTest, ManyAreRemovedAsFarAsTheDiskGoes) {
@@ -195,12 +196,12 @@ TEST(MemoryJobStoreTest, ManyAreRemovedAsFarAsTheDiskGoes) {
   }
   const KeepLimits all = {.ended_before = absl::InfiniteFuture()};
   journal.removals_left = 2;
-  EXPECT_THAT(store.Prune(all), testing::SizeIs(64));
+  EXPECT_THAT(*store.Prune(all), testing::SizeIs(64));
   EXPECT_EQ(errors, 1);
-  EXPECT_THAT(store.List({}), testing::SizeIs(36));
+  EXPECT_THAT(*store.List({}), testing::SizeIs(36));
   EXPECT_THAT(journal.kept, testing::SizeIs(36));
   journal.removals_left = 2;
-  EXPECT_THAT(store.Prune(all), testing::SizeIs(36));
+  EXPECT_THAT(*store.Prune(all), testing::SizeIs(36));
   EXPECT_EQ(errors, 1);
 }
 
@@ -221,8 +222,8 @@ TEST(MemoryJobStoreTest, TenantsHaveTheirOwnRequestsAndLists) {
   ASSERT_THAT(store.Insert(b), IsOk());
   EXPECT_EQ(store.FindByRequestId("one", "r")->id, "a");
   EXPECT_EQ(store.FindByRequestId("two", "r")->id, "b");
-  EXPECT_THAT(Ids(store.List({.tenant = "two"})), ElementsAre("b"));
-  EXPECT_THAT(Ids(store.List({})), ElementsAre("b", "a"));
+  EXPECT_THAT(Ids(*store.List({.tenant = "two"})), ElementsAre("b"));
+  EXPECT_THAT(Ids(*store.List({})), ElementsAre("b", "a"));
 }
 
 TEST(MemoryJobStoreTest, ProgressDoesNotWaitForADiskThatStalls) {
@@ -277,9 +278,9 @@ TEST(MemoryJobStoreTest, KnowsWhichBlobsJobsOfATenantName) {
   record.tenant = "lab";
   record.inputs = {"request", "mesh"};
   ASSERT_THAT(store.Insert(record), IsOk());
-  EXPECT_TRUE(store.HasInput("lab", "mesh"));
-  EXPECT_FALSE(store.HasInput("lab", "other"));
-  EXPECT_FALSE(store.HasInput("others", "mesh"));
+  EXPECT_TRUE(*store.HasInput("lab", "mesh"));
+  EXPECT_FALSE(*store.HasInput("lab", "other"));
+  EXPECT_FALSE(*store.HasInput("others", "mesh"));
 }
 
 }  // namespace
