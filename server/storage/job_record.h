@@ -156,6 +156,14 @@ struct JobRecord {
   std::uint64_t sequence = 0;
   /// Order of creation.
   std::uint64_t number = 0;
+  /// Of a SharedJobStore, while RUNNING: which process runs it, and the number
+  /// of its claim, which no other has.
+  std::string worker;
+  std::uint64_t claim = 0;
+  /// Of a SharedJobStore, while QUEUED: it waits for something that is missing.
+  bool is_held = false;
+  /// How long it is to be held once it is QUEUED again; of changes only.
+  absl::Duration hold = absl::ZeroDuration();
 };
 
 }  // namespace isomatch

@@ -28,6 +28,7 @@ ALLOWED = {layer: used.split() for layer, used in {
     "server/metrics": "",
     "server/machine": "core/base",
     "server/storage": "core/base",
+    "server/postgres": "core/base server/storage",
     "server/engine": "core/base core/mesh core/io core/pipeline server/storage",
     "server/jobs": "core/base core/mesh core/pipeline server/metrics server/machine"
                    " server/storage server/engine",
@@ -66,10 +67,11 @@ RESTRICTED = {
     r"spdlog": {"server/logging"},
     r"prometheus/": {"server/metrics"},
     r"png\.h$": {"client/picture"},
+    r"pqxx/": {"server/postgres"},
     # A clock; core/base/mutex.h may wait, but tells no time to core.
     r"(chrono|absl/time/clock\.h|ctime)$":
         {"core/base", "server/logging", "server/machine", "server/jobs", "server/rpc", "server/rpc/security",
-         "server/convert", "server/storage",
+         "server/convert", "server/storage", "server/postgres",
          "server", "client/api", "client/batch", "client/cli", "client"},
     r"(iostream|fstream|filesystem|cstdlib)$":
         {"server", "server/machine", "server/config", "server/storage", "server/rpc", "client/files",

@@ -1,0 +1,251 @@
+#include "server/postgres/job_rows.h"
+
+#include <optional>
+#include <utility>
+
+#include <nlohmann/json.hpp>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/string_view.h"
+#include "core/base/status_macros.h"
+#include "server/storage/job_record_codec.h"
+
+namespace isomatch {
+
+// Times are microseconds since 1970.
+const char kJobColumns[] =
+    "j.id, j.number, coalesce(l.sequence, j.sequence), j.record, "
+    "(extract(epoch FROM j.created) * 1000000)::bigint, "
+    "(extract(epoch FROM j.ended) * 1000000)::bigint, "
+    "coalesce(l.state, j.state), l.attempt, l.faults, "
+    "(extract(epoch FROM l.started) * 1000000)::bigint, "
+    "l.stage, l.stage_fraction, l.total_fraction, l.worker, l.claim, "
+    "l.not_before > now(), l.queue_deadline < 'infinity' ";
+
+const char kKeptQuery[] =
+    "SELECT id, tenant, state, sequence, "
+    "(extract(epoch FROM now() - ended) * 1000000)::bigint, result_bytes "
+    "FROM isomatch.jobs WHERE ended IS NOT NULL";
+
+const char kJobTables[] =
+    "isomatch.jobs j LEFT JOIN isomatch.live_jobs l ON l.number = j.number ";
+
+namespace {
+
+/// The columns of kJobColumns.
+enum Column {
+  kId,
+  kNumber,
+  kSequence,
+  kRecord,
+  kCreated,
+  kEnded,
+  kState,
+  kAttempt,
+  kFaults,
+  kStarted,
+  kStage,
+  kStageFraction,
+  kTotalFraction,
+  kWorker,
+  kClaim,
+  kIsHeld,
+  kHasDeadline,
+};
+
+absl::string_view Bytes(const pqxx::binarystring& bytes) {
+  return {reinterpret_cast<const char*>(bytes.get()), bytes.size()};
+}
+
+absl::Time TimeOf(const pqxx::field& field) {
+  return field.is_null() ? absl::InfinitePast()
+                         : absl::FromUnixMicros(field.as<std::int64_t>());
+}
+
+/// What the row of live_jobs says.
+void ReadLive(const pqxx::row& row, JobRecord& record) {
+  record.attempt = row[kAttempt].as<std::int32_t>();
+  record.faults = row[kFaults].as<std::int32_t>();
+  record.start_time = TimeOf(row[kStarted]);
+  record.progress = {row[kStage].as<std::int32_t>(),
+                     row[kStageFraction].as<double>(),
+                     row[kTotalFraction].as<double>()};
+  record.worker = row[kWorker].as<std::string>();
+  record.claim = row[kClaim].as<std::uint64_t>();
+  record.is_held = row[kIsHeld].as<bool>();
+  if (!row[kHasDeadline].as<bool>()) record.queue_timeout.reset();
+}
+
+}  // namespace
+
+absl::StatusOr<JobRecord> RecordOf(const pqxx::row& row) {
+  const pqxx::binarystring bytes(row[kRecord]);
+  ISOMATCH_ASSIGN_OR_RETURN(JobRecord record, DecodeJobRecord(Bytes(bytes)));
+  record.id = row[kId].as<std::string>();
+  record.number = row[kNumber].as<std::uint64_t>();
+  record.sequence = row[kSequence].as<std::uint64_t>();
+  record.create_time = TimeOf(row[kCreated]);
+  record.end_time = TimeOf(row[kEnded]);
+  record.state = static_cast<JobState>(row[kState].as<int>());
+  if (!row[kAttempt].is_null()) ReadLive(row, record);
+  return record;
+}
+
+std::vector<JobRecord> RecordsOf(const pqxx::result& rows) {
+  std::vector<JobRecord> records;
+  for (const pqxx::row& row : rows) {
+    auto record = RecordOf(row);
+    if (record.ok()) records.push_back(*std::move(record));
+  }
+  return records;
+}
+
+std::string ArrayOf(const std::vector<std::string>& texts) {
+  std::string array = "{";
+  for (const std::string& text : texts) {
+    if (array.size() > 1) array += ',';
+    array += '"';
+    for (const char c : text) {
+      if (c == '"' || c == '\\') array += '\\';
+      array += c;
+    }
+    array += '"';
+  }
+  return array + "}";
+}
+
+std::string IntervalOf(absl::Duration duration) {
+  return absl::StrCat(absl::ToInt64Microseconds(duration), " microseconds");
+}
+
+namespace {
+
+absl::Status NotFound(const std::string& id) {
+  return absl::NotFoundError(absl::StrCat("no job ", id));
+}
+
+/// Microseconds, or NULL.
+std::optional<std::string> IntervalOrNull(
+    const std::optional<absl::Duration>& duration) {
+  if (!duration) return std::nullopt;
+  return IntervalOf(*duration);
+}
+
+std::int64_t ResultBytes(const JobRecord& record) {
+  std::int64_t bytes = 0;
+  if (!record.result) return bytes;
+  for (const StoredPart& part : record.result->parts) bytes += part.bytes;
+  return bytes;
+}
+
+// Why a job needs a blob; see 002_blobs.sql.
+constexpr int kInputBlob = 1;
+constexpr int kResultBlob = 2;
+
+void AddReferences(pqxx::work& transaction, const JobRecord& record,
+                   const std::vector<std::string>& digests, int kind) {
+  transaction.exec_params(
+      "INSERT INTO isomatch.job_blobs (job_id, tenant, sha256, kind) "
+      "SELECT DISTINCT $1, $2, sha256, $4::smallint "
+      "FROM unnest($3::text[]) AS sha256 ON CONFLICT DO NOTHING",
+      record.id, record.tenant, ArrayOf(digests), kind);
+}
+
+/// The blobs that a job which is over needs: its results.
+void ReplaceReferences(pqxx::work& transaction, const JobRecord& record) {
+  transaction.exec_params("DELETE FROM isomatch.job_blobs WHERE job_id = $1",
+                          record.id);
+  if (!record.result) return;
+  std::vector<std::string> digests;
+  for (const StoredPart& part : record.result->parts) {
+    digests.push_back(part.sha256);
+  }
+  AddReferences(transaction, record, digests, kResultBlob);
+}
+
+}  // namespace
+
+absl::Status InsertRow(pqxx::work& transaction, JobRecord& record,
+                       const std::optional<std::string>& unwatched_grace) {
+  const auto queue_timeout = IntervalOrNull(record.queue_timeout);
+  const pqxx::result rows = transaction.exec_params(
+      "SELECT number, sequence, (extract(epoch FROM created) * 1000000)::bigint"
+      " FROM isomatch.insert_job($1, $2, $3, $4::jsonb, $5::bytea, $6, $7, $8, "
+      "$9::interval, $10::interval, $11::text[])",
+      record.id, record.tenant, record.request_id,
+      nlohmann::json(record.labels).dump(),
+      pqxx::binarystring(EncodeJobRecord(record)), record.priority,
+      record.shared_priority, record.memory_estimate_bytes,
+      OrNull(queue_timeout), OrNull(unwatched_grace), ArrayOf(record.inputs));
+  if (rows[0][0].is_null()) {
+    return absl::AlreadyExistsError(absl::StrCat("job ", record.id));
+  }
+  record.number = rows[0][0].as<std::uint64_t>();
+  record.sequence = rows[0][1].as<std::uint64_t>();
+  record.create_time = absl::FromUnixMicros(rows[0][2].as<std::int64_t>());
+  AddReferences(transaction, record, record.inputs, kInputBlob);
+  return absl::OkStatus();
+}
+
+absl::Status UpdateRow(pqxx::work& transaction, const JobRecord& record,
+                       std::int64_t* sequence) {
+  const bool is_over = IsTerminal(record.state);
+  std::optional<std::string> hold;
+  if (record.hold > absl::ZeroDuration()) hold = IntervalOf(record.hold);
+  const pqxx::result rows = transaction.exec_params(
+      "SELECT isomatch.update_job($1, $2, $3, $4, $5, $6::interval, $7, $8, $9,"
+      " $10, $11, $12::bytea)",
+      record.id, record.sequence, static_cast<int>(record.state),
+      record.attempt, record.faults, OrNull(hold),
+      record.queue_timeout.has_value(), record.progress.stage,
+      record.progress.stage_fraction, record.progress.total_fraction,
+      ResultBytes(record),
+      pqxx::binarystring(is_over ? EncodeJobRecord(record) : std::string()));
+  *sequence = rows[0][0].as<std::int64_t>();
+  if (*sequence == -1) return NotFound(record.id);
+  if (*sequence == 0) {
+    return absl::AbortedError(absl::StrCat("job ", record.id, " is not at ",
+                                           record.sequence, " any more"));
+  }
+  if (is_over) ReplaceReferences(transaction, record);
+  return absl::OkStatus();
+}
+
+KeptJobs KeptIn(const pqxx::result& rows, absl::Time now) {
+  KeptJobs kept;
+  for (const pqxx::row& row : rows) {
+    JobRecord job;
+    job.id = row[0].as<std::string>();
+    job.tenant = row[1].as<std::string>();
+    job.state = static_cast<JobState>(row[2].as<int>());
+    job.sequence = row[3].as<std::uint64_t>();
+    job.aged_from = now - absl::Microseconds(row[4].as<std::int64_t>());
+    if (job.state == JobState::kSucceeded) {
+      job.result.emplace().parts.push_back(
+          {ResultPart::kMap, "", row[5].as<std::int64_t>()});
+    }
+    kept.Add(job);
+  }
+  return kept;
+}
+
+std::vector<JobRecord> RemoveRows(pqxx::work& transaction,
+                                  const std::vector<std::string>& ids) {
+  const std::string array = ArrayOf(ids);
+  std::vector<JobRecord> removed = RecordsOf(transaction.exec_params(
+      absl::StrCat("SELECT ", kJobColumns, "FROM ", kJobTables,
+                   "WHERE j.id = ANY ($1::text[]) AND l.number IS NULL "
+                   "FOR UPDATE OF j"),
+      array));
+  transaction.exec_params(
+      "DELETE FROM isomatch.job_blobs b WHERE b.job_id = ANY ($1::text[]) AND "
+      "NOT EXISTS (SELECT FROM isomatch.live_jobs l WHERE l.id = b.job_id)",
+      array);
+  transaction.exec_params(
+      "DELETE FROM isomatch.jobs j WHERE j.id = ANY ($1::text[]) AND "
+      "NOT EXISTS (SELECT FROM isomatch.live_jobs l WHERE l.id = j.id)",
+      array);
+  return removed;
+}
+
+}  // namespace isomatch

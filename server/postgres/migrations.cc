@@ -1,0 +1,84 @@
+#include "server/postgres/migrations.h"
+
+#include <string>
+
+#include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
+#include "server/postgres/schema_files.h"
+
+namespace isomatch {
+namespace {
+
+/// Any number that no other program uses for a lock.
+constexpr char kLock[] = "SELECT pg_advisory_xact_lock(22062020)";
+
+/// The newest migration of the database, and the oldest program, by the
+/// migrations that it has, that can work with it.
+struct Version {
+  int number = 0;
+  int oldest_program = 0;
+};
+
+absl::Status ReadVersion(pqxx::transaction_base& database, Version* version) {
+  const pqxx::result known =
+      database.exec("SELECT to_regclass('isomatch.migrations') IS NOT NULL");
+  *version = Version();
+  if (!known[0][0].as<bool>()) return absl::OkStatus();
+  const pqxx::result newest = database.exec(
+      "SELECT coalesce(max(number), 0), coalesce(max(oldest_program), 0) "
+      "FROM isomatch.migrations");
+  *version = {newest[0][0].as<int>(), newest[0][1].as<int>()};
+  return absl::OkStatus();
+}
+
+absl::Status CheckKnown(const Version& version) {
+  if (version.oldest_program <= kNumSchemaFiles) return absl::OkStatus();
+  return absl::FailedPreconditionError(absl::StrCat(
+      "the database has version ", version.number,
+      " of the tables, which needs programs that know at least version ",
+      version.oldest_program, ", and this one knows ", kNumSchemaFiles,
+      ": a newer isomatch-server has migrated it"));
+}
+
+/// Does the next migration that is missing; `is_done` when there is none.
+absl::Status MigrateOnce(pqxx::work& transaction, bool* is_done) {
+  transaction.exec(kLock);
+  Version version;
+  ISOMATCH_RETURN_IF_ERROR(ReadVersion(transaction, &version));
+  ISOMATCH_RETURN_IF_ERROR(CheckKnown(version));
+  *is_done = version.number >= kNumSchemaFiles;
+  if (*is_done) return absl::OkStatus();
+  const SchemaFile& next = kSchemaFiles[version.number];
+  transaction.exec(next.sql);
+  transaction.exec_params(
+      "INSERT INTO isomatch.migrations (number, name, oldest_program) "
+      "VALUES ($1, $2, $3)",
+      version.number + 1, next.name, next.oldest_program);
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::Status Migrate(PostgresPool& pool) {
+  bool is_done = false;
+  while (!is_done) {
+    ISOMATCH_RETURN_IF_ERROR(pool.Run([&](pqxx::work& transaction) {
+      return MigrateOnce(transaction, &is_done);
+    }));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status CheckSchema(PostgresPool& pool) {
+  Version version;
+  ISOMATCH_RETURN_IF_ERROR(pool.Run([&](pqxx::work& transaction) {
+    return ReadVersion(transaction, &version);
+  }));
+  ISOMATCH_RETURN_IF_ERROR(CheckKnown(version));
+  if (version.number >= kNumSchemaFiles) return absl::OkStatus();
+  return absl::FailedPreconditionError(absl::StrCat(
+      "the database has version ", version.number, " of the tables, expected ",
+      kNumSchemaFiles, ": run isomatch-server migrate --store URL first"));
+}
+
+}  // namespace isomatch

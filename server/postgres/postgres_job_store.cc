@@ -1,0 +1,348 @@
+#include "server/postgres/postgres_job_store.h"
+
+#include <algorithm>
+#include <cstdint>
+#include <utility>
+
+#include <nlohmann/json.hpp>
+
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "core/base/status_macros.h"
+#include "server/postgres/job_rows.h"
+#include "server/storage/kept_jobs.h"
+
+namespace isomatch {
+namespace {
+
+using Repeat = PostgresPool::Repeat;
+
+std::string SelectJobs(absl::string_view condition) {
+  return absl::StrCat("SELECT ", kJobColumns, "FROM ", kJobTables, condition);
+}
+
+std::vector<std::string> FirstColumn(const pqxx::result& rows) {
+  std::vector<std::string> texts;
+  for (const pqxx::row& row : rows) texts.push_back(row[0].as<std::string>());
+  return texts;
+}
+
+absl::StatusOr<JobRecord> TheOne(const absl::StatusOr<pqxx::result>& rows,
+                                 const std::string& what) {
+  ISOMATCH_RETURN_IF_ERROR(rows.status());
+  if (!rows->empty()) return RecordOf((*rows)[0]);
+  return absl::NotFoundError(absl::StrCat("no job ", what));
+}
+
+}  // namespace
+
+absl::StatusOr<JobRecord> PostgresJobStore::Insert(JobRecord record) {
+  std::optional<std::string> grace;
+  if (record.cancel_when_unwatched) {
+    grace = IntervalOf(options_.unwatched_grace);
+  }
+  ISOMATCH_RETURN_IF_ERROR(pool_.Run([&](pqxx::work& transaction) {
+    return InsertRow(transaction, record, grace);
+  }));
+  return record;
+}
+
+absl::StatusOr<JobRecord> PostgresJobStore::Update(JobRecord record) {
+  std::int64_t sequence = 0;
+  ISOMATCH_RETURN_IF_ERROR(pool_.Run([&](pqxx::work& transaction) {
+    return UpdateRow(transaction, record, &sequence);
+  }));
+  record.sequence = static_cast<std::uint64_t>(sequence);
+  return record;
+}
+
+absl::StatusOr<JobRecord> PostgresJobStore::Get(const std::string& id) const {
+  return TheOne(pool_.Ask(Repeat::kOnce, SelectJobs("WHERE j.id = $1"), id),
+                id);
+}
+
+absl::StatusOr<JobRecord> PostgresJobStore::FindByRequestId(
+    const std::string& tenant, const std::string& request_id) const {
+  return TheOne(pool_.Ask(Repeat::kOnce,
+                          SelectJobs("WHERE j.tenant = $1 AND j.request_id = $2"
+                                     " AND j.request_id <> ''"),
+                          tenant, request_id),
+                absl::StrCat("of request ", request_id));
+}
+
+absl::StatusOr<bool> PostgresJobStore::HasInput(
+    const std::string& tenant, const std::string& sha256) const {
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const pqxx::result rows,
+      pool_.Ask(Repeat::kOnce,
+                "SELECT EXISTS (SELECT FROM isomatch.jobs WHERE tenant = $1 "
+                "AND $2 = ANY (inputs))",
+                tenant, sha256));
+  return rows[0][0].as<bool>();
+}
+
+absl::StatusOr<std::vector<JobRecord>> PostgresJobStore::List(
+    const JobFilter& filter) const {
+  std::vector<int> states;
+  for (const JobState state : filter.states) {
+    states.push_back(static_cast<int>(state));
+  }
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const pqxx::result rows,
+      pool_.Ask(Repeat::kOnce,
+                SelectJobs("WHERE ($1::text IS NULL OR j.tenant = $1) "
+                           "AND ($2::bigint = 0 OR j.number < $2) "
+                           "AND ($3::int[] = '{}' OR "
+                           "coalesce(l.state, j.state) = ANY ($3::int[])) "
+                           "AND j.labels @> $4::jsonb "
+                           "ORDER BY j.number DESC LIMIT $5"),
+                OrNull(filter.tenant), filter.before_number,
+                ArrayOfNumbers(states), nlohmann::json(filter.labels).dump(),
+                std::max(filter.limit, 0)));
+  return RecordsOf(rows);
+}
+
+absl::StatusOr<JobRecord> PostgresJobStore::Delete(const std::string& id) {
+  std::vector<JobRecord> removed;
+  ISOMATCH_RETURN_IF_ERROR(pool_.Run([&](pqxx::work& transaction) {
+    removed = RemoveRows(transaction, {id});
+    return absl::OkStatus();
+  }));
+  if (!removed.empty()) return std::move(removed.front());
+  ISOMATCH_ASSIGN_OR_RETURN(const JobRecord job, Get(id));
+  return absl::FailedPreconditionError(
+      absl::StrCat("job ", id, " is ", JobStateName(job.state)));
+}
+
+absl::StatusOr<std::vector<JobRecord>> PostgresJobStore::Prune(
+    const KeepLimits& limits) {
+  ISOMATCH_ASSIGN_OR_RETURN(const pqxx::result rows,
+                            pool_.Ask(Repeat::kOnce, kKeptQuery));
+  const std::vector<std::string> ids = KeptIn(rows, absl::Now()).Excess(limits);
+  std::vector<JobRecord> removed;
+  if (ids.empty()) return removed;
+  ISOMATCH_RETURN_IF_ERROR(pool_.Run([&](pqxx::work& transaction) {
+    removed = RemoveRows(transaction, ids);
+    return absl::OkStatus();
+  }));
+  return removed;
+}
+
+// Leases.
+
+absl::StatusOr<std::optional<JobRecord>> PostgresJobStore::Claim(
+    const ClaimRequest& request) {
+  // A claim that nobody hears of ends with its lease.
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const pqxx::result rows,
+      pool_.Ask(Repeat::kNever,
+                absl::StrCat("SELECT ", kJobColumns,
+                             "FROM isomatch.claim_job($1, $2, $3, "
+                             "$4::interval, $5, $6, $7, $8) l "
+                             "JOIN isomatch.jobs j ON j.number = l.number"),
+                request.worker, request.free_bytes, request.total_bytes,
+                IntervalOf(request.lease), request.max_running_per_tenant,
+                request.max_passes, request.max_overtakes,
+                request.alone_after));
+  std::optional<JobRecord> claimed;
+  if (rows.empty()) return claimed;
+  ISOMATCH_ASSIGN_OR_RETURN(claimed, RecordOf(rows[0]));
+  return claimed;
+}
+
+absl::StatusOr<std::vector<std::string>> PostgresJobStore::Renew(
+    const std::vector<LeasedJob>& jobs, absl::Duration lease) {
+  std::vector<std::string> ids;
+  std::vector<std::uint64_t> claims;
+  std::vector<std::int32_t> stages;
+  std::vector<double> stage_fractions;
+  std::vector<double> total_fractions;
+  for (const LeasedJob& job : jobs) {
+    ids.push_back(job.id);
+    claims.push_back(job.claim);
+    stages.push_back(job.progress.stage);
+    stage_fractions.push_back(job.progress.stage_fraction);
+    total_fractions.push_back(job.progress.total_fraction);
+  }
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const pqxx::result rows,
+      pool_.Ask(Repeat::kOnce,
+                "SELECT * FROM isomatch.renew_leases($1::text[], $2::bigint[], "
+                "$3::int[], $4::float8[], $5::float8[], $6::interval)",
+                ArrayOf(ids), ArrayOfNumbers(claims), ArrayOfNumbers(stages),
+                ArrayOfNumbers(stage_fractions),
+                ArrayOfNumbers(total_fractions), IntervalOf(lease)));
+  const std::vector<std::string> own = FirstColumn(rows);
+  std::vector<std::string> lost;
+  for (const std::string& id : ids) {
+    if (std::find(own.begin(), own.end(), id) == own.end()) lost.push_back(id);
+  }
+  return lost;
+}
+
+absl::StatusOr<std::vector<JobRecord>> PostgresJobStore::Expired(
+    absl::Duration lease) {
+  // While the database was away nobody could renew.
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const pqxx::result rows,
+      pool_.Ask(Repeat::kOnce,
+                SelectJobs("WHERE l.state = 2 AND l.lease_until < now() AND "
+                           "pg_postmaster_start_time() + $1::interval < now()"),
+                IntervalOf(lease)));
+  return RecordsOf(rows);
+}
+
+absl::StatusOr<bool> PostgresJobStore::TakeBack(const JobRecord& job,
+                                                int faults) {
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const pqxx::result rows,
+      pool_.Ask(Repeat::kOnce,
+                "UPDATE isomatch.live_jobs SET state = 1, faults = $3, "
+                "sequence = nextval('isomatch.job_sequence'), worker = '', "
+                "claim = 0, lease_until = 'infinity', started = NULL, "
+                "queue_deadline = 'infinity', stage = 0, stage_fraction = 0, "
+                "total_fraction = 0 WHERE id = $1 AND claim = $2 AND state = 2 "
+                "AND lease_until < now() RETURNING id",
+                job.id, job.claim, faults));
+  return !rows.empty();
+}
+
+absl::StatusOr<std::vector<JobRecord>> PostgresJobStore::Overdue() {
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const pqxx::result rows,
+      pool_.Ask(Repeat::kOnce,
+                SelectJobs("WHERE l.state = 1 AND l.queue_deadline < now()")));
+  return RecordsOf(rows);
+}
+
+// Watchers.
+
+absl::Status PostgresJobStore::KeepWatched(const std::vector<std::string>& ids,
+                                           absl::Duration grace) {
+  return pool_
+      .Ask(Repeat::kOnce,
+           "UPDATE isomatch.live_jobs SET watched_until = now() + $2::interval "
+           "WHERE id = ANY ($1::text[]) AND watched_until < 'infinity'",
+           ArrayOf(ids), IntervalOf(grace))
+      .status();
+}
+
+absl::StatusOr<std::vector<std::string>> PostgresJobStore::Unwatched() {
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const pqxx::result rows,
+      pool_.Ask(Repeat::kOnce,
+                "SELECT id FROM isomatch.live_jobs "
+                "WHERE watched_until < now() AND "
+                "pg_postmaster_start_time() + $1::interval < now()",
+                IntervalOf(options_.unwatched_grace)));
+  return FirstColumn(rows);
+}
+
+absl::StatusOr<std::map<std::string, std::uint64_t>>
+PostgresJobStore::LiveSequences(const std::vector<std::string>& ids) {
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const pqxx::result rows,
+      pool_.Ask(Repeat::kOnce,
+                "SELECT id, sequence FROM isomatch.live_jobs "
+                "WHERE id = ANY ($1::text[])",
+                ArrayOf(ids)));
+  std::map<std::string, std::uint64_t> sequences;
+  for (const pqxx::row& row : rows) {
+    sequences[row[0].as<std::string>()] = row[1].as<std::uint64_t>();
+  }
+  return sequences;
+}
+
+// The queue.
+
+absl::StatusOr<std::vector<std::string>> PostgresJobStore::InOrder() {
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const pqxx::result rows,
+      pool_.Ask(Repeat::kOnce, "SELECT * FROM isomatch.queue_order()"));
+  return FirstColumn(rows);
+}
+
+absl::StatusOr<QueueCounts> PostgresJobStore::Count() {
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const pqxx::result rows,
+      pool_.Ask(Repeat::kOnce,
+                "SELECT l.state, l.priority, count(*), (extract(epoch FROM "
+                "now() - min(j.created)) * 1000000)::bigint "
+                "FROM isomatch.live_jobs l JOIN isomatch.jobs j "
+                "ON j.number = l.number GROUP BY 1, 2"));
+  QueueCounts counts;
+  for (const pqxx::row& row : rows) {
+    const int count = row[2].as<int>();
+    if (row[0].as<int>() != static_cast<int>(JobState::kQueued)) {
+      counts.running += count;
+      continue;
+    }
+    counts.queued += count;
+    counts.queued_by_priority[row[1].as<std::int32_t>()] += count;
+    counts.oldest_queued = std::max(
+        counts.oldest_queued, absl::Microseconds(row[3].as<std::int64_t>()));
+  }
+  return counts;
+}
+
+absl::StatusOr<int> PostgresJobStore::CountQueuedOf(const std::string& tenant) {
+  ISOMATCH_ASSIGN_OR_RETURN(const pqxx::result rows,
+                            pool_.Ask(Repeat::kOnce,
+                                      "SELECT count(*) FROM isomatch.live_jobs "
+                                      "WHERE tenant = $1 AND state = 1",
+                                      tenant));
+  return rows[0][0].as<int>();
+}
+
+// Processes.
+
+absl::Status PostgresJobStore::Register(const WorkerEntry& entry) {
+  return pool_
+      .Ask(Repeat::kOnce,
+           "INSERT INTO isomatch.workers (worker, version, slots, memory_bytes)"
+           " VALUES ($1, $2, $3, $4) ON CONFLICT (worker) DO UPDATE SET "
+           "version = $2, slots = $3, memory_bytes = $4, seen = now()",
+           entry.worker, entry.version, entry.slots, entry.memory_bytes)
+      .status();
+}
+
+absl::Status PostgresJobStore::Unregister(const std::string& worker) {
+  return pool_
+      .Ask(Repeat::kOnce,
+           "DELETE FROM isomatch.workers WHERE worker = $1 "
+           "OR seen < now() - interval '1 day'",
+           worker)
+      .status();
+}
+
+absl::StatusOr<std::vector<WorkerEntry>> PostgresJobStore::Workers(
+    absl::Duration age) {
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const pqxx::result rows,
+      pool_.Ask(Repeat::kOnce,
+                "SELECT worker, version, slots, memory_bytes FROM "
+                "isomatch.workers WHERE seen > now() - $1::interval",
+                IntervalOf(age)));
+  std::vector<WorkerEntry> workers;
+  for (const pqxx::row& row : rows) {
+    workers.push_back({row[0].as<std::string>(), row[1].as<std::string>(),
+                       row[2].as<int>(), row[3].as<std::int64_t>()});
+  }
+  return workers;
+}
+
+absl::StatusOr<bool> PostgresJobStore::HoldChore(const std::string& chore,
+                                                 const std::string& holder,
+                                                 absl::Duration term) {
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const pqxx::result rows,
+      pool_.Ask(Repeat::kOnce,
+                "INSERT INTO isomatch.chores AS c (chore, holder, held_until) "
+                "VALUES ($1, $2, now() + $3::interval) ON CONFLICT (chore) DO "
+                "UPDATE SET holder = $2, held_until = now() + $3::interval "
+                "WHERE c.holder = $2 OR c.held_until < now() RETURNING holder",
+                chore, holder, IntervalOf(term)));
+  return !rows.empty();
+}
+
+}  // namespace isomatch

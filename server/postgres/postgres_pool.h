@@ -1,0 +1,108 @@
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <pqxx/pqxx>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+#include "core/base/mutex.h"
+
+namespace isomatch {
+
+/// Connections to one PostgreSQL database, opened when they are needed and kept
+/// for the next transaction. Nothing outlives a transaction on the server (no
+/// session settings, no prepared statements), so that PgBouncer may stand
+/// between. Thread-safe.
+class PostgresPool {
+ public:
+  struct Options {
+    /// postgresql://USER:PASSWORD@HOST:PORT/DATABASE or libpq's "key=value"
+    /// form. What it leaves out libpq takes from its environment (PGPASSWORD,
+    /// PGPASSFILE, ...).
+    std::string url;
+    /// Added to it, if not empty.
+    std::string password = "";
+    /// Transactions at the same time; others wait for their turn.
+    int connections = 8;
+    /// How long a call may wait for a connection, a new connection for its
+    /// server, and a statement for its end.
+    absl::Duration patience = absl::Seconds(5);
+  };
+
+  /// What is done in one transaction, which is rolled back when it returns an
+  /// error or throws what libpqxx throws. May be run again from its beginning.
+  using Work = std::function<absl::Status(pqxx::work& transaction)>;
+
+  /// One statement, which is a transaction by itself and needs one way to the
+  /// server and back, where Work needs four.
+  using Statement = std::function<absl::Status(pqxx::nontransaction& database)>;
+
+  /// Whether a statement may be done twice, when it is not known whether it was
+  /// done before the connection broke.
+  enum class Repeat { kNever, kOnce };
+
+  /// Returns a pool that has reached its database once. INVALID_ARGUMENT: the
+  /// URL; UNAVAILABLE: the database does not answer, or refuses the user. No
+  /// message has the password.
+  static absl::StatusOr<std::unique_ptr<PostgresPool>> Open(Options options);
+
+  /// Runs `work` in a transaction and commits it; again, once, on a new
+  /// connection when the first turns out to be broken before the commit.
+  /// Errors of `work`, and UNAVAILABLE: no connection, or one that broke (after
+  /// a commit that was under way it may have happened); RESOURCE_EXHAUSTED: the
+  /// database's disk is full; ABORTED: a deadlock, may be tried again;
+  /// ALREADY_EXISTS and FAILED_PRECONDITION: a unique or a foreign key;
+  /// DATA_LOSS: damaged pages; INTERNAL: whatever else.
+  absl::Status Run(const Work& work);
+
+  /// Runs `statement`. Errors as Run.
+  absl::Status RunAlone(const Statement& statement, Repeat repeat);
+
+  /// Returns the rows of one statement with the parameters $1, $2, ...
+  template <typename... Parameters>
+  absl::StatusOr<pqxx::result> Ask(Repeat repeat, const std::string& sql,
+                                   const Parameters&... parameters) {
+    pqxx::result rows;
+    const absl::Status status = RunAlone(
+        [&](pqxx::nontransaction& database) {
+          rows = database.exec_params(sql, parameters...);
+          return absl::OkStatus();
+        },
+        repeat);
+    if (!status.ok()) return status;
+    return rows;
+  }
+
+  const Options& options() const { return options_; }
+
+ private:
+  class Lease;
+
+  explicit PostgresPool(Options options) : options_(std::move(options)) {}
+
+  using Connection = std::unique_ptr<pqxx::connection>;
+  /// A connection that nobody uses, or null for a place that has none yet.
+  absl::StatusOr<Connection> Take();
+  void GiveBack(Connection connection);
+  void ForgetIdle();
+  /// What is tried with a connection; sets `is_done` when from now on it may
+  /// have been done.
+  using Attempt =
+      std::function<absl::Status(pqxx::connection& connection, bool* is_done)>;
+  absl::Status Try(const Attempt& attempt);
+  /// `is_broken`: it was not done, and the connection was not new.
+  absl::Status TryOnce(const Attempt& attempt, bool* is_broken);
+
+  const Options options_;
+  Mutex mutex_;
+  CondVar returned_;
+  std::vector<Connection> idle_ ABSL_GUARDED_BY(mutex_);
+  int in_use_ ABSL_GUARDED_BY(mutex_) = 0;
+};
+
+}  // namespace isomatch
