@@ -1,0 +1,235 @@
+-- oldest_program: 2
+--
+-- Bytes under the SHA-256 of their content, of each tenant for itself.
+--
+--   blobs        one row a blob: how large it is, and when it was last used.
+--   blob_chunks  its content, in rows that are written once.
+--   job_blobs    which jobs need which blobs. Whoever changes a job changes its
+--                rows here in the same transaction. What has a row stays.
+--   blob_totals  how many bytes each tenant has. Changed last in a transaction,
+--                since others of the tenant wait for its end then.
+--   blob_probe   empty; what is written here to see whether it can be is taken
+--                back.
+--
+-- All times are those of this database.
+
+CREATE TABLE isomatch.blobs (
+  tenant text NOT NULL,
+  sha256 text NOT NULL,
+  bytes bigint NOT NULL CHECK (bytes >= 0),
+  chunks int NOT NULL CHECK (chunks >= 0),
+  -- The content was found not to be what was put; as good as missing.
+  is_damaged boolean NOT NULL DEFAULT false,
+  put_at timestamptz NOT NULL,
+  -- May be behind by as much as callers of use_blob want.
+  used_at timestamptz NOT NULL,
+  PRIMARY KEY (tenant, sha256)
+) WITH (fillfactor = 80);
+CREATE INDEX blobs_by_use ON isomatch.blobs (used_at);
+
+CREATE TABLE isomatch.blob_chunks (
+  tenant text NOT NULL,
+  sha256 text NOT NULL,
+  index int NOT NULL,
+  -- 256 KiB each, but for the last one.
+  content bytea NOT NULL,
+  PRIMARY KEY (tenant, sha256, index),
+  FOREIGN KEY (tenant, sha256) REFERENCES isomatch.blobs ON DELETE CASCADE
+);
+-- Meshes and maps come compressed.
+ALTER TABLE isomatch.blob_chunks ALTER COLUMN content SET STORAGE EXTERNAL;
+
+CREATE TABLE isomatch.job_blobs (
+  job_id text NOT NULL,
+  tenant text NOT NULL,
+  sha256 text NOT NULL,
+  -- 1: an input, 2: a part of the result.
+  kind smallint NOT NULL,
+  PRIMARY KEY (job_id, sha256, kind),
+  FOREIGN KEY (tenant, sha256) REFERENCES isomatch.blobs
+);
+CREATE INDEX job_blobs_by_blob ON isomatch.job_blobs (tenant, sha256);
+
+CREATE TABLE isomatch.blob_totals (
+  tenant text PRIMARY KEY,
+  bytes bigint NOT NULL
+) WITH (fillfactor = 50);
+
+CREATE TABLE isomatch.blob_probe (content bytea NOT NULL);
+ALTER TABLE isomatch.blob_probe ALTER COLUMN content SET STORAGE EXTERNAL;
+
+-- Those that no job needs.
+CREATE VIEW isomatch.unused_blobs AS
+  SELECT b.tenant, b.sha256, b.bytes, b.used_at FROM isomatch.blobs b
+    WHERE NOT EXISTS (SELECT FROM isomatch.job_blobs r
+                        WHERE r.tenant = b.tenant AND r.sha256 = b.sha256);
+
+-- Uses a blob, and returns what it is; no row when it is not there. `version`
+-- is another one each time that the content is put. The time of use is written
+-- only when it is older than p_resolution: two statements, so that nobody who
+-- removes it, or uses it as well, comes between them unseen.
+CREATE FUNCTION isomatch.use_blob(
+  p_tenant text, p_sha256 text, p_resolution interval)
+RETURNS TABLE (bytes bigint, chunks int, version bigint)
+LANGUAGE plpgsql
+SET lock_timeout TO '3s'
+AS $$
+BEGIN
+  UPDATE isomatch.blobs b SET used_at = clock_timestamp()
+    WHERE b.tenant = p_tenant AND b.sha256 = p_sha256
+      AND b.used_at <= now() - p_resolution;
+  RETURN QUERY
+    SELECT b.bytes, b.chunks, (extract(epoch FROM b.put_at) * 1000000)::bigint
+      FROM isomatch.blobs b
+      WHERE b.tenant = p_tenant AND b.sha256 = p_sha256 AND NOT b.is_damaged;
+END $$;
+
+-- Begins to put a blob. Returns NULL when it is there, which counts as a use;
+-- or else by how many bytes the tenant has more. Then the transaction has to
+-- insert its chunks, and to end with count_blob_bytes. Waits for whoever puts
+-- the same at this moment.
+CREATE FUNCTION isomatch.put_blob(
+  p_tenant text, p_sha256 text, p_bytes bigint, p_chunks int)
+RETURNS bigint
+LANGUAGE plpgsql AS $$
+DECLARE
+  present isomatch.blobs;
+BEGIN
+  LOOP
+    INSERT INTO isomatch.blobs (tenant, sha256, bytes, chunks, put_at, used_at)
+      VALUES (p_tenant, p_sha256, p_bytes, p_chunks, clock_timestamp(),
+              clock_timestamp())
+      ON CONFLICT DO NOTHING;
+    IF FOUND THEN
+      RETURN p_bytes;
+    END IF;
+    SELECT * INTO present FROM isomatch.blobs
+      WHERE tenant = p_tenant AND sha256 = p_sha256 FOR NO KEY UPDATE;
+    EXIT WHEN FOUND;  -- or else it was removed meanwhile
+  END LOOP;
+  UPDATE isomatch.blobs SET used_at = clock_timestamp()
+    WHERE tenant = p_tenant AND sha256 = p_sha256;
+  IF NOT present.is_damaged THEN
+    RETURN NULL;
+  END IF;
+  DELETE FROM isomatch.blob_chunks
+    WHERE tenant = p_tenant AND sha256 = p_sha256;
+  UPDATE isomatch.blobs
+    SET is_damaged = false, bytes = p_bytes, chunks = p_chunks,
+        put_at = clock_timestamp()
+    WHERE tenant = p_tenant AND sha256 = p_sha256;
+  RETURN p_bytes - present.bytes;
+END $$;
+
+CREATE FUNCTION isomatch.count_blob_bytes(p_tenant text, p_bytes bigint)
+RETURNS void
+LANGUAGE sql AS $$
+  INSERT INTO isomatch.blob_totals AS t (tenant, bytes)
+    VALUES (p_tenant, p_bytes)
+    ON CONFLICT (tenant) DO UPDATE SET bytes = t.bytes + excluded.bytes;
+$$;
+
+-- Deletes a blob that no job needs; returns its bytes, 0 when it stays. The
+-- caller has locked its row FOR UPDATE in a statement before: from then on
+-- nobody can add a row of job_blobs that names it, and this statement sees
+-- those that were added.
+CREATE FUNCTION isomatch.delete_locked_blob(p_tenant text, p_sha256 text)
+RETURNS bigint
+LANGUAGE plpgsql AS $$
+DECLARE
+  freed bigint;
+BEGIN
+  DELETE FROM isomatch.blobs b
+    WHERE b.tenant = p_tenant AND b.sha256 = p_sha256
+      AND NOT EXISTS (SELECT FROM isomatch.job_blobs r
+                        WHERE r.tenant = p_tenant AND r.sha256 = p_sha256)
+    RETURNING b.bytes INTO freed;
+  IF NOT FOUND THEN
+    RETURN 0;
+  END IF;
+  PERFORM isomatch.count_blob_bytes(p_tenant, -freed);
+  RETURN freed;
+END $$;
+
+-- Removes a blob that no job needs and that was not used within p_grace.
+CREATE FUNCTION isomatch.remove_blob(
+  p_tenant text, p_sha256 text, p_grace interval)
+RETURNS void
+LANGUAGE plpgsql
+SET lock_timeout TO '3s'
+AS $$
+BEGIN
+  PERFORM FROM isomatch.blobs
+    WHERE tenant = p_tenant AND sha256 = p_sha256
+      AND used_at <= now() - p_grace
+    FOR UPDATE SKIP LOCKED;  -- who has it needs it
+  IF FOUND THEN
+    PERFORM isomatch.delete_locked_blob(p_tenant, p_sha256);
+  END IF;
+END $$;
+
+-- How many bytes are too many beside p_bytes for this blob: of its tenant
+-- (p_of_tenant) or of all, where p_limit is the most.
+CREATE FUNCTION isomatch.missing_blob_bytes(
+  p_tenant text, p_sha256 text, p_bytes bigint, p_limit bigint,
+  p_of_tenant boolean)
+RETURNS bigint
+LANGUAGE sql AS $$
+  SELECT (coalesce((SELECT sum(t.bytes) FROM isomatch.blob_totals t
+                      WHERE NOT p_of_tenant OR t.tenant = p_tenant), 0)
+          - coalesce((SELECT b.bytes FROM isomatch.blobs b  -- damaged
+                        WHERE b.tenant = p_tenant AND b.sha256 = p_sha256), 0)
+          + p_bytes - p_limit)::bigint;
+$$;
+
+-- Makes room for a blob: deletes others (p_of_tenant: of its tenant) that no
+-- job needs and that were not used within p_grace, the least recently used
+-- first, until the rest and p_bytes are at most p_limit. Returns how many bytes
+-- are still to be deleted, by the next call, so that none takes long: 0 when
+-- there is room. NULL, and nothing is deleted, when it cannot be made.
+CREATE FUNCTION isomatch.make_blob_room(
+  p_tenant text, p_sha256 text, p_bytes bigint, p_limit bigint,
+  p_of_tenant boolean, p_grace interval)
+RETURNS bigint
+LANGUAGE plpgsql
+SET lock_timeout TO '3s'
+AS $$
+DECLARE
+  missing bigint;
+  freed bigint := 0;
+  blob record;
+BEGIN
+  IF isomatch.missing_blob_bytes(p_tenant, p_sha256, p_bytes, p_limit,
+                                 p_of_tenant) <= 0 THEN
+    RETURN 0;
+  END IF;
+  -- One at a time, so that two do not both delete what one of them needs, nor
+  -- wait for each other's totals.
+  PERFORM pg_advisory_xact_lock(x'150A7C6'::int);
+  missing := isomatch.missing_blob_bytes(p_tenant, p_sha256, p_bytes, p_limit,
+                                         p_of_tenant);
+  IF missing <= 0 THEN
+    RETURN 0;
+  END IF;
+  IF missing > (
+      SELECT coalesce(sum(u.bytes), 0) FROM isomatch.unused_blobs u
+        WHERE (NOT p_of_tenant OR u.tenant = p_tenant)
+          AND (u.tenant, u.sha256) <> (p_tenant, p_sha256)
+          AND u.used_at <= now() - p_grace) THEN
+    RETURN NULL;
+  END IF;
+  FOR blob IN
+    SELECT u.tenant, u.sha256 FROM isomatch.unused_blobs u
+      WHERE (NOT p_of_tenant OR u.tenant = p_tenant)
+        AND (u.tenant, u.sha256) <> (p_tenant, p_sha256)
+        AND u.used_at <= now() - p_grace
+      ORDER BY u.used_at LIMIT 64 FOR UPDATE SKIP LOCKED
+  LOOP
+    freed := freed + isomatch.delete_locked_blob(blob.tenant, blob.sha256);
+    EXIT WHEN freed >= least(missing, 64 * 1024 * 1024);
+  END LOOP;
+  IF freed = 0 THEN  -- jobs have taken all of them at this moment
+    RETURN NULL;
+  END IF;
+  RETURN greatest(missing - freed, 0);
+END $$;

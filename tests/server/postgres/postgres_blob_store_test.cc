@@ -1,0 +1,450 @@
+#include "server/postgres/postgres_blob_store.h"
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <pqxx/pqxx>
+
+#include "core/base/sha256.h"
+#include "server/postgres/migrations.h"
+#include "server/postgres/postgres_pool.h"
+#include "tests/server/storage/blob_store_conformance.h"
+#include "tests/support/matchers.h"
+#include "tests/support/postgres_server.h"
+
+namespace isomatch {
+namespace {
+
+using testing::_;
+using testing::AnyOf;
+using Options = PostgresBlobStore::Options;
+
+auto IsUnavailable() { return StatusIs(absl::StatusCode::kUnavailable, _); }
+
+/// One that forgets nothing and knows everything at once.
+Options ExactOptions(std::int64_t capacity_bytes) {
+  return {.capacity_bytes = capacity_bytes,
+          .grace = absl::ZeroDuration(),
+          .use_resolution = absl::ZeroDuration(),
+          .figures_age = absl::ZeroDuration()};
+}
+
+/// A database with the tables of blobs, and a connection to look at them.
+class BlobDatabase {
+ public:
+  BlobDatabase() {
+    auto server = PostgresServer::Start();
+    EXPECT_THAT(server, IsOk());
+    server_ = *std::move(server);
+    pool_ = OpenPool();
+    EXPECT_THAT(Migrate(*pool_), IsOk());
+    database_ = std::make_unique<pqxx::connection>(server_->url());
+  }
+
+  std::unique_ptr<PostgresPool> OpenPool() const {
+    auto pool = PostgresPool::Open(
+        {.url = server_->url(), .patience = absl::Seconds(2)});
+    EXPECT_THAT(pool, IsOk());
+    return *std::move(pool);
+  }
+
+  PostgresServer& server() { return *server_; }
+  PostgresPool* pool() { return pool_.get(); }
+
+  /// Runs a statement as somebody else; returns what it finds first, or "".
+  std::string Do(const std::string& sql) {
+    pqxx::nontransaction transaction(*database_);
+    const pqxx::result rows = transaction.exec(sql);
+    return rows.empty() ? "" : rows[0][0].as<std::string>("");
+  }
+
+  // What the job store does.
+  void AddReference(const std::string& job, const BlobKey& key) {
+    Do("INSERT INTO isomatch.job_blobs VALUES ('" + job + "', '" + key.tenant +
+       "', '" + key.sha256 + "', 1)");
+  }
+  void RemoveReferences(const std::string& job) {
+    Do("DELETE FROM isomatch.job_blobs WHERE job_id = '" + job + "'");
+  }
+
+ private:
+  std::unique_ptr<PostgresServer> server_;
+  std::unique_ptr<PostgresPool> pool_;
+  std::unique_ptr<pqxx::connection> database_;
+};
+
+class PostgresHarness {
+ public:
+  static constexpr int kRandomSteps = 150;
+
+  std::unique_ptr<BlobStore> Make(std::int64_t capacity_bytes) {
+    return std::make_unique<PostgresBlobStore>(database_.pool(),
+                                               ExactOptions(capacity_bytes));
+  }
+  std::unique_ptr<BlobStore> MakeKeeping(std::int64_t capacity_bytes) {
+    Options options = ExactOptions(capacity_bytes);
+    options.grace = absl::Minutes(1);
+    return std::make_unique<PostgresBlobStore>(database_.pool(), options);
+  }
+  void Hold(BlobStore& /*store*/, const BlobKey& key) {
+    jobs_.push_back({key, "job" + std::to_string(++last_job_)});
+    database_.AddReference(jobs_.back().second, key);
+  }
+  void Release(BlobStore& /*store*/, const BlobKey& key) {
+    for (auto job = jobs_.begin(); job != jobs_.end(); ++job) {
+      if (job->first != key) continue;
+      database_.RemoveReferences(job->second);
+      jobs_.erase(job);
+      return;
+    }
+  }
+
+ private:
+  BlobDatabase database_;
+  std::vector<std::pair<BlobKey, std::string>> jobs_;
+  int last_job_ = 0;
+};
+
+INSTANTIATE_TYPED_TEST_SUITE_P(ManyProcesses, BlobStoreConformance,
+                               PostgresHarness);
+
+class PostgresBlobStoreTest : public testing::Test {
+ protected:
+  static constexpr std::int64_t kMiB = 1024 * 1024;
+
+  std::unique_ptr<PostgresBlobStore> Make(const Options& options) {
+    return std::make_unique<PostgresBlobStore>(database_.pool(), options);
+  }
+
+  static BlobKey KeyOf(const std::string& bytes) {
+    return {"tenant", Sha256Hex(bytes)};
+  }
+
+  static BlobKey Put(BlobStore& store, const std::string& bytes) {
+    const BlobKey key = KeyOf(bytes);
+    EXPECT_THAT(store.Put(key, bytes, Keep::kWhileRoom), IsOk());
+    return key;
+  }
+
+  /// Bytes of which no two pieces are the same.
+  static std::string ManyBytes(std::int64_t size, std::uint32_t seed) {
+    std::string bytes(static_cast<size_t>(size), '\0');
+    for (char& byte : bytes) {
+      seed = seed * 1664525 + 1013904223;
+      byte = static_cast<char>(seed >> 24);
+    }
+    return bytes;
+  }
+
+  /// Makes the last use of all blobs so many seconds older.
+  void Age(int seconds) {
+    database_.Do("UPDATE isomatch.blobs SET used_at = used_at - interval '" +
+                 std::to_string(seconds) + " seconds'");
+  }
+
+  std::string UsedAt() {
+    return database_.Do("SELECT used_at FROM isomatch.blobs");
+  }
+
+  BlobDatabase database_;
+};
+
+TEST_F(PostgresBlobStoreTest, TwoStoresSeeTheSame) {
+  const auto one = Make(ExactOptions(100));
+  const auto other_pool = database_.OpenPool();
+  PostgresBlobStore other(other_pool.get(), ExactOptions(100));
+  const BlobKey key = Put(*one, "content");
+  EXPECT_TRUE(other.Has(key));
+  EXPECT_EQ(**other.Get(key), "content");
+  EXPECT_EQ(other.size_bytes(), 7);
+  Put(other, "content");
+  EXPECT_EQ(other.size_bytes(), 7);
+  other.Remove(key);
+  EXPECT_THAT(one->Get(key), IsMissingBlob());
+  EXPECT_EQ(one->size_bytes(), 0);
+}
+
+TEST_F(PostgresBlobStoreTest, TheLeastRecentlyUsedOfAllProcessesGoesFirst) {
+  const auto one = Make(ExactOptions(100));
+  const auto other = Make(ExactOptions(100));
+  const BlobKey a = Put(*one, std::string(40, 'a'));
+  const BlobKey b = Put(*other, std::string(40, 'b'));
+  EXPECT_THAT(other->Get(a), IsOk());
+  Put(*one, std::string(40, 'c'));
+  EXPECT_TRUE(one->Has(a));
+  EXPECT_FALSE(one->Has(b));
+}
+
+TEST_F(PostgresBlobStoreTest, WhatAJobNeedsStaysUntilItsLastReferenceGoes) {
+  const auto store = Make(ExactOptions(100));
+  const BlobKey key = Put(*store, std::string(60, 'a'));
+  database_.AddReference("one", key);
+  database_.AddReference("two", key);
+  database_.RemoveReferences("one");
+  store->Remove(key);
+  const std::string big(60, 'b');
+  EXPECT_THAT(store->Put(KeyOf(big), big, Keep::kWhileRoom),
+              StatusIs(absl::StatusCode::kResourceExhausted, _));
+  EXPECT_TRUE(store->Has(key));
+  database_.RemoveReferences("two");
+  Put(*store, big);
+  EXPECT_FALSE(store->Has(key));
+}
+
+TEST_F(PostgresBlobStoreTest, AJobCannotNeedWhatIsNotThere) {
+  const auto store = Make(ExactOptions(100));
+  const BlobKey key = Put(*store, "content");
+  store->Remove(key);
+  EXPECT_THROW(database_.AddReference("job", key), pqxx::foreign_key_violation);
+}
+
+// Whoever adds a reference locks the row, and nobody knows yet whether he will
+// commit.
+TEST_F(PostgresBlobStoreTest, WhatAJobIsAboutToNeedStays) {
+  const auto store = Make(ExactOptions(100));
+  const BlobKey older = Put(*store, std::string(40, 'a'));
+  const BlobKey newer = Put(*store, std::string(40, 'b'));
+  pqxx::connection connection(database_.server().url());
+  pqxx::work creates_job(connection);
+  creates_job.exec("INSERT INTO isomatch.job_blobs VALUES ('job', 'tenant', '" +
+                   older.sha256 + "', 1)");
+  store->Remove(older);
+  Put(*store, std::string(40, 'c'));
+  creates_job.commit();
+  EXPECT_TRUE(store->Has(older));
+  EXPECT_FALSE(store->Has(newer));
+}
+
+TEST_F(PostgresBlobStoreTest, WhatWasJustUsedStays) {
+  Options options = ExactOptions(100);
+  options.grace = absl::Minutes(10);
+  const auto store = Make(options);
+  const BlobKey key = Put(*store, std::string(60, 'a'));
+  const std::string big(60, 'b');
+  Age(9 * 60);
+  store->Remove(key);
+  EXPECT_THAT(store->Put(KeyOf(big), big, Keep::kWhileRoom),
+              StatusIs(absl::StatusCode::kResourceExhausted, _));
+  EXPECT_FALSE(store->CanMakeRoom(60));
+  EXPECT_FALSE(store->MakeTenantRoom(KeyOf(big), 60, 100));
+  EXPECT_TRUE(store->Pin(key));  // again
+  Age(9 * 60);
+  store->Remove(key);
+  EXPECT_TRUE(store->Has(key));
+  Age(11 * 60);
+  EXPECT_TRUE(store->CanMakeRoom(60));
+  Put(*store, big);
+  EXPECT_FALSE(store->Has(key));
+}
+
+TEST_F(PostgresBlobStoreTest, RemoveWaitsForTheGrace) {
+  Options options = ExactOptions(100);
+  options.grace = absl::Minutes(10);
+  const auto store = Make(options);
+  const BlobKey key = Put(*store, "content");
+  Age(11 * 60);
+  store->Remove(key);
+  EXPECT_EQ(store->size_bytes(), 0);
+}
+
+TEST_F(PostgresBlobStoreTest, AUseIsWrittenOnlyWhenTheLastOneIsOld) {
+  const auto store = Make({.capacity_bytes = 100});
+  const BlobKey key = Put(*store, "content");
+  const std::string put = UsedAt();
+  EXPECT_THAT(store->Get(key), IsOk());
+  EXPECT_TRUE(store->Has(key));
+  EXPECT_TRUE(store->Pin(key));
+  Put(*store, "content");
+  EXPECT_EQ(UsedAt(), put);
+  for (const auto use :
+       {+[](BlobStore&s, const BlobKey&k) { s.Pin(k); },
+        +[](BlobStore&s, const BlobKey&k) { s.Has(k); },
+        +[](BlobStore&s, const BlobKey&) { Put(s, "content"); },
+        +[](BlobStore&s, const BlobKey&k) { EXPECT_THAT(s.Get(k), IsOk()); }}) {
+    Age(61);
+    const std::string old = UsedAt();
+    use(*store, key);
+    EXPECT_GT(UsedAt(), old);
+  }
+}
+
+TEST_F(PostgresBlobStoreTest, DamagedContentIsMissingUntilItIsPutAgain) {
+  const auto store = Make(ExactOptions(10 * kMiB));
+  const auto other = Make(ExactOptions(10 * kMiB));
+  const std::string bytes = ManyBytes(kMiB, 1);
+  for (const char* damage :
+       {"UPDATE isomatch.blob_chunks SET content = set_byte(content, 9, "
+        "255 - get_byte(content, 9)) WHERE index = 2",
+        "DELETE FROM isomatch.blob_chunks WHERE index = 3",
+        "UPDATE isomatch.blobs SET chunks = 0"}) {
+    SCOPED_TRACE(damage);
+    const BlobKey key = Put(*store, bytes);
+    database_.AddReference("job", key);
+    database_.Do(damage);
+    EXPECT_THAT(store->Get(key), IsMissingBlob());
+    EXPECT_FALSE(other->Has(key));
+    EXPECT_FALSE(other->Pin(key));
+    EXPECT_THAT(other->Get(key), IsMissingBlob());
+    Put(*other, bytes);
+    EXPECT_EQ(**store->Get(key), bytes);
+    EXPECT_EQ(store->size_bytes(), kMiB);
+    database_.RemoveReferences("job");
+    store->Remove(key);
+    EXPECT_EQ(store->size_bytes(), 0);
+  }
+}
+
+TEST_F(PostgresBlobStoreTest, ADatabaseThatDoesNotAnswerIsNoMissingBlob) {
+  const auto store = Make(ExactOptions(100));
+  const BlobKey key = Put(*store, "content");
+  EXPECT_EQ(store->size_bytes(), 7);
+  database_.server().Kill();
+  EXPECT_THAT(store->Get(key), IsUnavailable());
+  EXPECT_THAT(store->Put(key, "content", Keep::kPinned), IsUnavailable());
+  EXPECT_THAT(store->PutWithin(100, key, "content", Keep::kPinned),
+              IsUnavailable());
+  EXPECT_THAT(store->TryWriting(0), IsUnavailable());
+  EXPECT_FALSE(store->Has(key));
+  EXPECT_TRUE(store->Pin(key));
+  EXPECT_TRUE(store->CanMakeRoom(1000));
+  EXPECT_EQ(store->size_bytes(), 7);
+  store->Remove(key);
+  ASSERT_THAT(database_.server().Restart(), IsOk());
+  EXPECT_EQ(**store->Get(key), "content");
+  Put(*store, "more");
+  EXPECT_EQ(store->size_bytes(), 11);
+  EXPECT_THAT(store->TryWriting(0), IsOk());
+}
+
+TEST_F(PostgresBlobStoreTest, ManyMegabytesComeBackAsTheyWere) {
+  const auto store = Make(ExactOptions(100 * kMiB));
+  for (const std::int64_t size : {20 * kMiB, 20 * kMiB + 1, kMiB / 4,
+                                  kMiB / 4 - 1, 4 * kMiB, std::int64_t{0}}) {
+    const std::string bytes = ManyBytes(size, 7);
+    const BlobKey key = Put(*store, bytes);
+    const auto got = store->Get(key);
+    ASSERT_THAT(got, IsOk());
+    EXPECT_TRUE(**got == bytes) << size;
+  }
+  EXPECT_EQ(database_.Do("SELECT max(length(content)) FROM "
+                         "isomatch.blob_chunks"),
+            "262144");
+  EXPECT_EQ(database_.Do("SELECT pg_total_relation_size("
+                         "'isomatch.blob_chunks') < 60 * 1024 * 1024"),
+            "t");
+}
+
+TEST_F(PostgresBlobStoreTest, TheSameMayBePutByManyAtOnce) {
+  constexpr int kThreads = 8;
+  const std::string bytes = ManyBytes(3 * kMiB, 3);
+  const BlobKey key = KeyOf(bytes);
+  std::vector<std::unique_ptr<PostgresBlobStore>> stores;
+  for (int i = 0; i < kThreads; ++i) {
+    stores.push_back(Make(ExactOptions(100 * kMiB)));
+  }
+  for (int round = 0; round < 5; ++round) {
+    std::vector<std::jthread> threads;
+    for (const auto& store : stores) {
+      threads.emplace_back([&] {
+        EXPECT_THAT(store->Put(key, bytes, Keep::kPinned), IsOk());
+        EXPECT_THAT(store->Get(key), IsOk());
+      });
+    }
+    threads.clear();
+    EXPECT_EQ(stores[0]->size_bytes(), 3 * kMiB);
+    EXPECT_EQ(database_.Do("SELECT count(*) FROM isomatch.blob_chunks"), "12");
+    stores[0]->Remove(key);
+    EXPECT_EQ(stores[0]->size_bytes(), 0);
+  }
+}
+
+// Puts, removals and evictions of a few keys by several threads: totals stay
+// what the tables hold, and nothing waits for each other in a circle.
+TEST_F(PostgresBlobStoreTest, TotalsAreRightWhateverHappensAtOnce) {
+  constexpr int kThreads = 6;
+  std::vector<std::jthread> threads;
+  for (int i = 0; i < kThreads; ++i) {
+    threads.emplace_back([this, i] {
+      const auto store = Make(ExactOptions(1000));
+      for (int step = 0; step < 60; ++step) {
+        const int number = (step * 7 + i * 5) % 12;
+        const std::string bytes(static_cast<size_t>(100 + number),
+                                static_cast<char>('a' + number));
+        const BlobKey key = {number % 3 == 0 ? "one" : "two", Sha256Hex(bytes)};
+        EXPECT_THAT(store->Put(key, bytes, Keep::kWhileRoom), IsOk());
+        EXPECT_THAT(store->Get(key), AnyOf(IsOk(), IsMissingBlob()));
+        if (step % 5 == 0) store->Remove(key);
+      }
+    });
+  }
+  threads.clear();
+  EXPECT_EQ(database_.Do("SELECT sum(bytes) FROM isomatch.blob_totals"),
+            database_.Do("SELECT sum(bytes) FROM isomatch.blobs"));
+  EXPECT_EQ(database_.Do("SELECT sum(length(content)) FROM "
+                         "isomatch.blob_chunks"),
+            database_.Do("SELECT sum(bytes) FROM isomatch.blobs"));
+}
+
+TEST_F(PostgresBlobStoreTest, TheCacheSparesTheDatabaseToSendItAgain) {
+  Options options = ExactOptions(100);
+  options.cache_bytes = 20;
+  const auto store = Make(options);
+  const BlobKey key = Put(*store, "content");
+  EXPECT_THAT(store->Get(key), IsOk());
+  database_.Do("DELETE FROM isomatch.blob_chunks");
+  EXPECT_EQ(**store->Get(key), "content");
+  store->Remove(key);
+  EXPECT_THAT(store->Get(key), IsMissingBlob());
+}
+
+TEST_F(PostgresBlobStoreTest, TheCacheIsTrustedUntilAUseWouldBeWritten) {
+  for (const absl::Duration resolution :
+       {absl::ZeroDuration(), absl::Hours(1)}) {
+    Options options = ExactOptions(100);
+    options.cache_bytes = 20;
+    options.use_resolution = resolution;
+    const auto store = Make(options);
+    const BlobKey key = Put(*store, "content");
+    EXPECT_THAT(store->Get(key), IsOk());
+    Make(ExactOptions(100))->Remove(key);
+    EXPECT_EQ(store->Get(key).ok(), resolution > absl::ZeroDuration());
+  }
+}
+
+TEST_F(PostgresBlobStoreTest, FiguresMayBeAMomentOld) {
+  Options options = ExactOptions(100);
+  options.figures_age = absl::Hours(1);
+  const auto store = Make(options);
+  EXPECT_EQ(store->size_bytes(), 0);
+  Put(*Make(ExactOptions(100)), "content");
+  EXPECT_EQ(store->size_bytes(), 0);
+  EXPECT_EQ(Make(options)->size_bytes(), 7);
+}
+
+TEST_F(PostgresBlobStoreTest, MuchRoomIsMadeInSteps) {
+  const auto store = Make(ExactOptions(1000));
+  for (int i = 0; i < 200; ++i) {
+    Put(*store, std::to_string(1000 + i));  // four bytes each
+  }
+  Put(*store, std::string(999, 'x'));
+  EXPECT_EQ(store->size_bytes(), 999);
+}
+
+TEST_F(PostgresBlobStoreTest, WhatIsTriedToWriteIsTakenBack) {
+  const auto store = Make(ExactOptions(100));
+  EXPECT_THAT(store->TryWriting(5 * kMiB), IsOk());
+  EXPECT_EQ(database_.Do("SELECT count(*) FROM isomatch.blob_probe"), "0");
+  EXPECT_EQ(database_.Do("SELECT pg_total_relation_size("
+                         "'isomatch.blob_probe') > 5 * 1024 * 1024"),
+            "t");
+}
+
+}  // namespace
+}  // namespace isomatch
