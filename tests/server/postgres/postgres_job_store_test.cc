@@ -1,0 +1,364 @@
+#include "server/postgres/postgres_job_store.h"
+
+#include <algorithm>
+#include <atomic>
+#include <map>
+#include <memory>
+#include <set>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "core/base/mutex.h"
+#include "core/base/sha256.h"
+#include "server/postgres/postgres_blob_store.h"
+#include "tests/server/postgres/test_database.h"
+#include "tests/server/storage/job_store_conformance.h"
+#include "tests/support/matchers.h"
+
+namespace isomatch {
+namespace {
+
+using testing::_;
+using testing::ElementsAre;
+using testing::IsEmpty;
+using testing::SizeIs;
+using testing::UnorderedElementsAre;
+
+class KeptPostgresJobStore : public KeptJobStore {
+ public:
+  explicit KeptPostgresJobStore(std::unique_ptr<PostgresPool> pool)
+      : pool_(std::move(pool)),
+        store_(pool_.get(), {.unwatched_grace = absl::Milliseconds(200)}),
+        blobs_(pool_.get(), {.capacity_bytes = 1 << 30}) {}
+
+  PostgresJobStore& store() override { return store_; }
+  PostgresPool& pool() { return *pool_; }
+
+  std::string Put(const std::string& tenant,
+                  const std::string& bytes) override {
+    const std::string sha256 = Sha256Hex(bytes);
+    EXPECT_THAT(blobs_.Put({tenant, sha256}, bytes, Keep::kPinned), IsOk());
+    return sha256;
+  }
+
+ private:
+  const std::unique_ptr<PostgresPool> pool_;
+  PostgresJobStore store_;
+  PostgresBlobStore blobs_;
+};
+
+absl::StatusOr<std::unique_ptr<KeptJobStore>> OpenKept() {
+  auto pool = NewDatabase();
+  if (!pool.ok()) return pool.status();
+  return std::make_unique<KeptPostgresJobStore>(*std::move(pool));
+}
+
+INSTANTIATE_TEST_SUITE_P(Postgres, JobStoreTest,
+                         testing::Values(JobStoreKind{"Postgres", OpenKept}));
+
+/// What only a store that several processes share can do.
+class PostgresQueueTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    auto pool = NewDatabase();
+    ASSERT_THAT(pool, IsOk());
+    kept_ = std::make_unique<KeptPostgresJobStore>(*std::move(pool));
+  }
+
+  PostgresJobStore& store() { return kept_->store(); }
+
+  JobRecord Insert(JobRecord job) {
+    const auto stored = store().Insert(std::move(job));
+    EXPECT_THAT(stored, IsOk());
+    return *stored;
+  }
+
+  static JobRecord Job(const std::string& id, const std::string& tenant = "t",
+                       int priority = 0, std::int64_t bytes = 1) {
+    JobRecord job;
+    job.id = id;
+    job.tenant = tenant;
+    job.priority = priority;
+    job.memory_estimate_bytes = bytes;
+    return job;
+  }
+
+  static ClaimRequest Asking(std::int64_t free = 100,
+                             absl::Duration lease = absl::Seconds(15)) {
+    ClaimRequest request;
+    request.worker = "w";
+    request.free_bytes = free;
+    request.total_bytes = 100;
+    request.lease = lease;
+    request.max_running_per_tenant = 100;
+    return request;
+  }
+
+  std::string ClaimId(const ClaimRequest& request = Asking()) {
+    const auto claimed = store().Claim(request);
+    EXPECT_THAT(claimed, IsOk());
+    return claimed.ok() && *claimed ? (*claimed)->id : "none";
+  }
+
+  /// Claims a job and lets its lease run out.
+  JobRecord ClaimAndExpire(const std::string& id) {
+    EXPECT_EQ(ClaimId(Asking(100, absl::Milliseconds(1))), id);
+    absl::SleepFor(absl::Milliseconds(20));
+    const auto expired = store().Expired(absl::ZeroDuration());
+    EXPECT_THAT(expired, IsOk());
+    EXPECT_THAT(*expired, SizeIs(1));
+    return expired->front();
+  }
+
+  std::unique_ptr<KeptPostgresJobStore> kept_;
+};
+
+TEST_F(PostgresQueueTest, AClaimMakesAJobRunningWithANumberOfItsOwn) {
+  Insert(Job("a"));
+  const auto claimed = store().Claim(Asking());
+  ASSERT_THAT(claimed, IsOk());
+  ASSERT_TRUE(claimed->has_value());
+  EXPECT_EQ((*claimed)->state, JobState::kRunning);
+  EXPECT_EQ((*claimed)->attempt, 1);
+  EXPECT_EQ((*claimed)->worker, "w");
+  EXPECT_NE((*claimed)->claim, 0);
+  EXPECT_EQ(store().Get("a")->claim, (*claimed)->claim);
+  EXPECT_EQ(ClaimId(), "none");
+}
+
+TEST_F(PostgresQueueTest, TenantsTakeTurnsAndPrioritiesCountWithinThem) {
+  for (const char* id : {"a1", "a2", "a3", "a4"}) Insert(Job(id, "a"));
+  Insert(Job("a5", "a", 9));
+  Insert(Job("b1", "b"));
+  Insert(Job("b2", "b"));
+  EXPECT_THAT(*store().InOrder(),
+              ElementsAre("a5", "b1", "a1", "b2", "a2", "a3", "a4"));
+  std::vector<std::string> started;
+  for (int i = 0; i < 7; ++i) started.push_back(ClaimId());
+  EXPECT_THAT(started, ElementsAre("a5", "b1", "a1", "b2", "a2", "a3", "a4"));
+}
+
+TEST_F(PostgresQueueTest, TheTenantThatRunsFewestIsNext) {
+  for (const char* id : {"a1", "a2"}) Insert(Job(id, "a"));
+  EXPECT_EQ(ClaimId(), "a1");
+  Insert(Job("b1", "b"));
+  Insert(Job("b2", "b"));
+  EXPECT_EQ(ClaimId(), "b1");
+  JobRecord done = *store().Get("b1");
+  done.state = JobState::kCancelled;
+  ASSERT_THAT(store().Update(done), IsOk());
+  EXPECT_EQ(ClaimId(), "b2");  // of a, one still runs
+}
+
+TEST_F(PostgresQueueTest, ATenantStartsNoMoreThanItMay) {
+  for (const char* id : {"a1", "a2"}) Insert(Job(id, "a"));
+  ClaimRequest request = Asking();
+  request.max_running_per_tenant = 1;
+  EXPECT_EQ(ClaimId(request), "a1");
+  EXPECT_EQ(ClaimId(request), "none");
+}
+
+TEST_F(PostgresQueueTest, SharedPrioritiesOvertakeButNotForEver) {
+  for (int i = 0; i < 20; ++i) {
+    JobRecord job = Job(absl::StrCat("high", i), "high");
+    job.shared_priority = 5;
+    Insert(job);
+  }
+  Insert(Job("low", "low"));
+  int before = 0;
+  while (ClaimId() != "low") ASSERT_LT(++before, 20);
+  EXPECT_EQ(before, 8);
+}
+
+TEST_F(PostgresQueueTest, WhatDoesNotFitIsPassedSoManyTimesOnly) {
+  Insert(Job("large", "a", 0, 90));
+  for (int i = 0; i < 12; ++i) Insert(Job(absl::StrCat("s", i), "a"));
+  int passes = 0;
+  while (ClaimId(Asking(50)) != "none") ++passes;
+  EXPECT_EQ(passes, 8);
+  EXPECT_EQ(ClaimId(Asking(100)), "large");
+  EXPECT_EQ(ClaimId(Asking(50)), "s8");
+}
+
+TEST_F(PostgresQueueTest, WhatNeverFitsWaitsForALargerWorker) {
+  Insert(Job("huge", "a", 0, 1000));
+  for (int i = 0; i < 12; ++i) Insert(Job(absl::StrCat("s", i), "a"));
+  for (int i = 0; i < 12; ++i) EXPECT_EQ(ClaimId(), absl::StrCat("s", i));
+  EXPECT_EQ(ClaimId(), "none");
+  ClaimRequest larger = Asking(2000);
+  larger.total_bytes = 2000;
+  EXPECT_EQ(ClaimId(larger), "huge");
+}
+
+TEST_F(PostgresQueueTest, AJobThatWasStartedOftenRunsAlone) {
+  JobRecord job = Insert(Job("a"));
+  for (int i = 0; i < 3; ++i) {
+    ASSERT_TRUE(*store().TakeBack(ClaimAndExpire("a"), 0));
+  }
+  EXPECT_EQ(ClaimId(Asking(99)), "none");
+  EXPECT_EQ(ClaimId(Asking(100)), "a");
+}
+
+TEST_F(PostgresQueueTest, ALateWorkerChangesNothing) {
+  Insert(Job("a"));
+  const JobRecord first = ClaimAndExpire("a");
+  EXPECT_TRUE(*store().TakeBack(first, 1));
+  EXPECT_FALSE(*store().TakeBack(first, 1));  // whoever else does the chores
+  const auto second = store().Claim(Asking());
+  ASSERT_TRUE(second.ok() && second->has_value());
+  EXPECT_NE((*second)->claim, first.claim);
+  EXPECT_EQ((*second)->faults, 1);
+  EXPECT_EQ((*second)->attempt, 2);
+  JobRecord late = first;
+  late.state = JobState::kFailed;
+  EXPECT_THAT(store().Update(late), StatusIs(absl::StatusCode::kAborted, _));
+  EXPECT_THAT(*store().Renew({{"a", first.claim, {}}}, absl::Seconds(15)),
+              ElementsAre("a"));
+  EXPECT_THAT(*store().Renew({{"a", (*second)->claim, {3, 0.5, 0.25}}},
+                             absl::Seconds(15)),
+              IsEmpty());
+  EXPECT_EQ(store().Get("a")->progress.total_fraction, 0.25);
+}
+
+TEST_F(PostgresQueueTest, ALeaseThatIsRenewedIsNotTakenBack) {
+  Insert(Job("a"));
+  const JobRecord claimed = ClaimAndExpire("a");
+  EXPECT_THAT(*store().Renew({{"a", claimed.claim, {}}}, absl::Seconds(15)),
+              IsEmpty());
+  EXPECT_THAT(*store().Expired(absl::ZeroDuration()), IsEmpty());
+  EXPECT_FALSE(*store().TakeBack(claimed, 1));
+}
+
+TEST_F(PostgresQueueTest, NoLeaseEndsWhileTheDatabaseHasJustStarted) {
+  Insert(Job("a"));
+  EXPECT_EQ(ClaimId(Asking(100, absl::Milliseconds(1))), "a");
+  absl::SleepFor(absl::Milliseconds(20));
+  EXPECT_THAT(*store().Expired(absl::Hours(24)), IsEmpty());
+}
+
+TEST_F(PostgresQueueTest, AnEndedJobIsLostToItsWorker) {
+  Insert(Job("a"));
+  const auto claimed = store().Claim(Asking());
+  JobRecord cancelled = *store().Get("a");
+  cancelled.state = JobState::kCancelled;
+  ASSERT_THAT(store().Update(cancelled), IsOk());
+  EXPECT_THAT(*store().Renew({{"a", (*claimed)->claim, {}}}, absl::Seconds(15)),
+              ElementsAre("a"));
+  EXPECT_THAT(*store().LiveSequences({"a"}), IsEmpty());
+}
+
+TEST_F(PostgresQueueTest, AJobThatIsHeldWaits) {
+  Insert(Job("a"));
+  ASSERT_EQ(ClaimId(), "a");
+  JobRecord back = *store().Get("a");
+  back.state = JobState::kQueued;
+  --back.attempt;
+  back.hold = absl::Milliseconds(300);
+  ASSERT_THAT(store().Update(back), IsOk());
+  EXPECT_TRUE(store().Get("a")->is_held);
+  EXPECT_EQ(ClaimId(), "none");
+  absl::SleepFor(absl::Milliseconds(400));
+  EXPECT_EQ(ClaimId(), "a");
+  EXPECT_EQ(store().Get("a")->attempt, 1);
+}
+
+TEST_F(PostgresQueueTest, QueueTimeoutsAndWatchersCountByTheDatabasesClock) {
+  JobRecord hasty = Job("hasty");
+  hasty.queue_timeout = absl::Milliseconds(50);
+  Insert(hasty);
+  JobRecord shy = Job("shy");
+  shy.cancel_when_unwatched = true;
+  Insert(shy);
+  Insert(Job("other"));
+  EXPECT_THAT(*store().Unwatched(), IsEmpty());
+  absl::SleepFor(absl::Milliseconds(300));
+  EXPECT_THAT(*store().Unwatched(), ElementsAre("shy"));
+  ASSERT_THAT(store().KeepWatched({"shy", "other"}, absl::Seconds(9)), IsOk());
+  EXPECT_THAT(*store().Unwatched(), IsEmpty());
+  const auto overdue = store().Overdue();
+  ASSERT_THAT(overdue, IsOk());
+  ASSERT_THAT(*overdue, SizeIs(1));
+  EXPECT_EQ(overdue->front().id, "hasty");
+}
+
+TEST_F(PostgresQueueTest, WorkersAndChoresAreKnownToAll) {
+  ASSERT_THAT(store().Register({"one", "1", 2, 100}), IsOk());
+  ASSERT_THAT(store().Register({"two", "1", 1, 300}), IsOk());
+  EXPECT_THAT(*store().Workers(absl::Seconds(30)), SizeIs(2));
+  ASSERT_THAT(store().Unregister("one"), IsOk());
+  EXPECT_EQ(store().Workers(absl::Seconds(30))->front().memory_bytes, 300);
+  EXPECT_TRUE(*store().HoldChore("c", "one", absl::Milliseconds(100)));
+  EXPECT_FALSE(*store().HoldChore("c", "two", absl::Milliseconds(100)));
+  EXPECT_TRUE(*store().HoldChore("c", "one", absl::Milliseconds(100)));
+  absl::SleepFor(absl::Milliseconds(150));
+  EXPECT_TRUE(*store().HoldChore("c", "two", absl::Milliseconds(100)));
+}
+
+TEST_F(PostgresQueueTest, CountsWhatWaitsAndRuns) {
+  Insert(Job("a", "t", 1));
+  Insert(Job("b", "t", 1));
+  Insert(Job("c", "u"));
+  ASSERT_EQ(ClaimId(), "a");
+  const auto counts = store().Count();
+  ASSERT_THAT(counts, IsOk());
+  EXPECT_EQ(counts->queued, 2);
+  EXPECT_EQ(counts->running, 1);
+  EXPECT_THAT(counts->queued_by_priority,
+              UnorderedElementsAre(std::pair(0, 1), std::pair(1, 1)));
+  EXPECT_EQ(*store().CountQueuedOf("t"), 1);
+}
+
+TEST_F(PostgresQueueTest, EachJobIsClaimedOnceByManyWorkers) {
+  constexpr int kJobs = 200;
+  for (int i = 0; i < kJobs; ++i) {
+    Insert(Job(absl::StrCat("j", i), absl::StrCat("t", i % 7)));
+  }
+  Mutex mutex;
+  std::multiset<std::string> claimed;
+  std::vector<std::thread> workers;
+  for (int w = 0; w < 6; ++w) {
+    workers.emplace_back([&] {
+      while (true) {
+        const std::string id = ClaimId();
+        if (id == "none") return;
+        MutexLock lock(mutex);
+        claimed.insert(id);
+      }
+    });
+  }
+  for (std::thread& worker : workers) worker.join();
+  EXPECT_EQ(claimed.size(), kJobs);
+  EXPECT_EQ(std::set<std::string>(claimed.begin(), claimed.end()).size(),
+            kJobs);
+}
+
+TEST_F(PostgresQueueTest, AJobWithoutItsBlobsIsRefused) {
+  JobRecord job = Job("a");
+  job.inputs = {Sha256Hex("nowhere")};
+  EXPECT_THAT(store().Insert(job),
+              StatusIs(absl::StatusCode::kFailedPrecondition, _));
+  EXPECT_THAT(store().Get("a"), StatusIs(absl::StatusCode::kNotFound, _));
+}
+
+TEST_F(PostgresQueueTest, ADatabaseThatWasAwayIsAskedAgain) {
+  auto server = TheServer();
+  ASSERT_THAT(server, IsOk());
+  Insert(Job("a"));
+  (*server)->Kill();
+  EXPECT_THAT(store().Get("a"), StatusIs(absl::StatusCode::kUnavailable, _));
+  EXPECT_THAT(store().Claim(Asking()),
+              StatusIs(absl::StatusCode::kUnavailable, _));
+  ASSERT_THAT((*server)->Restart(), IsOk());
+  EXPECT_THAT(store().Get("a"), IsOk());
+  EXPECT_EQ(ClaimId(), "a");
+}
+
+}  // namespace
+}  // namespace isomatch
