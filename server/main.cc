@@ -17,6 +17,7 @@
 #include "server/rpc/grpc_logging.h"
 #include "server/rpc/health_probe.h"
 #include "server/server.h"
+#include "server/shared_stores.h"
 
 namespace isomatch {
 namespace {
@@ -79,22 +80,51 @@ void WarnOfFloods(const ServerConfig& config) {
                    "docker/edge, and say so by --behind-edge"));
 }
 
+/// Where jobs and their bytes are.
+std::string DescribeData(const ServerConfig& config) {
+  if (config.is_shared())
+    return "in the database of --store, for all who use it";
+  return config.has_folder() ? config.data_dir
+                             : "in memory, gone when the server ends";
+}
+
+std::string DescribeJobs(const ServerConfig& config, const Server& server) {
+  return absl::StrCat(config.workers, " at a time, ", server.threads_per_job(),
+                      " threads each");
+}
+
+/// The same for one that nobody calls.
+void LogWorkerStart(const ServerConfig& config, const Server& server) {
+  const auto say = [](const std::string& line) { Log(LogLevel::kInfo, line); };
+  const std::string metrics = server.metrics_address();
+  Log(LogLevel::kInfo,
+      absl::StrCat("isomatch-server ", kVersion, " runs jobs of --store"),
+      {{"version", kVersion}});
+  say(absl::StrCat("jobs: ", DescribeJobs(config, server)));
+  say(absl::StrCat("memory: ", server.memory_budget_bytes() >> 20,
+                   " MiB for running jobs"));
+  say(metrics.empty() ? "metrics: off"
+                      : absl::StrCat("metrics: http://", metrics, "/metrics"));
+}
+
 /// All that the operator of a new server needs, on one screen.
 void LogStart(const ServerConfig& config, const Server& server) {
   const auto say = [](const std::string& line) { Log(LogLevel::kInfo, line); };
   const std::string metrics = server.metrics_address();
+  if (server.address().empty()) {
+    return LogWorkerStart(config, server);
+  }
   Log(LogLevel::kInfo,
       absl::StrCat("isomatch-server ", kVersion, " listens on ",
                    server.address()),
       {{"address", server.address()}, {"version", kVersion}});
   say(absl::StrCat("security: ", DescribeTls(config), ", ",
                    config.api_keys.empty() ? "no API keys" : "API keys"));
-  say(absl::StrCat("data: ", config.is_durable()
-                                 ? config.data_dir
-                                 : "in memory, gone when the server ends"));
-  say(absl::StrCat("jobs: ", config.workers, " at a time, ",
-                   server.threads_per_job(), " threads each, ",
-                   config.max_queued_jobs, " may wait"));
+  say(absl::StrCat("data: ", DescribeData(config)));
+  say(absl::StrCat("jobs: ",
+                   config.runs_jobs() ? DescribeJobs(config, server)
+                                      : "run by workers elsewhere",
+                   ", ", config.max_queued_jobs, " may wait"));
   say(absl::StrCat("memory: ", server.memory_budget_bytes() >> 20,
                    " MiB for running jobs, ", config.blob_store_bytes >> 20,
                    " MiB for meshes and results"));
@@ -180,7 +210,8 @@ int Serve(const ServerConfig& config) {
     has_given_up = true;
     kill(getpid(), SIGTERM);
   };
-  auto created = Server::Create(config, CoreMatchEngine(), give_up);
+  auto created =
+      Server::Create(config, CoreMatchEngine(), give_up, OpenAnyStores);
   if (!created.ok()) {
     std::cerr << "isomatch-server: " << created.status().message() << "\n";
     return 1;
@@ -195,6 +226,18 @@ int Serve(const ServerConfig& config) {
   return ending.exit_status;
 }
 
+/// Returns the exit status.
+int MigrateTables(const ServerConfig& config) {
+  const absl::Status migrated = MigrateStore(config);
+  if (migrated.ok()) {
+    std::cout << "the tables of --store are those of isomatch-server "
+              << kVersion << "\n";
+    return 0;
+  }
+  std::cerr << "isomatch-server: --store: " << migrated.message() << "\n";
+  return 1;
+}
+
 int Main(int argc, char** argv) {
   ServerCommand command;
   if (const auto status = ParseServerFlags(argc, argv, command)) return *status;
@@ -207,7 +250,7 @@ int Main(int argc, char** argv) {
         *command.health_address,
         {config.tls_cert, config.tls_key, config.tls_client_ca});
   }
-  return Serve(config);
+  return command.migrate ? MigrateTables(config) : Serve(config);
 }
 
 }  // namespace

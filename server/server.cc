@@ -9,6 +9,7 @@
 
 #include <grpcpp/grpcpp.h>
 #include <openssl/rand.h>
+#include <unistd.h>
 
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
@@ -52,12 +53,22 @@ constexpr absl::Duration kStreamsEnd = absl::Milliseconds(300);
 /// What the process itself has, and memory that was freed but not given back.
 constexpr std::int64_t kProcessBytes = std::int64_t{256} << 20;
 
+/// One for each loop of ClusterMember.
+constexpr int kClusterThreads = 3;
+
 /// One more than a tenant may use.
 constexpr int kDiskThreads = 2;
 
 /// Any number of a tenant's calls may wait for the disk: each takes little.
 constexpr TenantTurns::Limits kAnyNumber = {
     .max_waiting_per_tenant = std::numeric_limits<int>::max()};
+
+/// A name that no process has or had: where it runs and a few random digits.
+std::string ProcessName(const std::string& random) {
+  char host[256] = "";
+  (void)gethostname(host, sizeof(host) - 1);
+  return absl::StrCat(host, "-", getpid(), "-", random.substr(0, 8));
+}
 
 std::string RandomId() {
   std::string bytes(16, '\0');
@@ -88,7 +99,7 @@ absl::StatusOr<std::unique_ptr<ApiKeys>> OpenKeys(const ServerConfig& config) {
 
 /// Null when there is to be no endpoint.
 std::unique_ptr<PrometheusMetrics> MakeMetrics(const ServerConfig& config) {
-  if (config.listen.empty() || config.metrics_listen == "off") return nullptr;
+  if (!config.is_service() || config.metrics_listen == "off") return nullptr;
   return std::make_unique<PrometheusMetrics>(kVersion);
 }
 
@@ -163,6 +174,8 @@ class Server::Impl {
   std::unique_ptr<ThreadPool> disk_;
   TenantTurns disk_turns_;
   std::unique_ptr<ThreadPool> watch_;
+  /// Null without a store that others share.
+  std::unique_ptr<ThreadPool> cluster_;
   PartialUploads partial_uploads_;
   JobManager manager_;
   const ServiceContext context_;
@@ -207,6 +220,9 @@ Server::Impl::Impl(const ServerConfig& config, MatchEngine engine,
       disk_(std::make_unique<ThreadPool>(kDiskThreads)),
       disk_turns_(kAnyNumber, disk_.get()),
       watch_(std::make_unique<ThreadPool>(1)),
+      cluster_(stores_.shared == nullptr
+                   ? nullptr
+                   : std::make_unique<ThreadPool>(kClusterThreads)),
       partial_uploads_(&uploads_, timers_.get(), config.partial_upload_kept),
       manager_(MakeJobEnvironment()),
       context_(MakeContext()),
@@ -221,13 +237,14 @@ Server::Impl::~Impl() {
   disk_.reset();
   upkeep_.reset();
   watch_.reset();
+  cluster_.reset();
   workers_.reset();
   timers_.reset();
 }
 
 JobLimits Server::Impl::MakeJobLimits() const {
   JobLimits limits;
-  limits.workers = config_.workers;
+  limits.workers = config_.runs_jobs() ? config_.workers : 0;
   limits.max_queued_jobs = config_.max_queued_jobs;
   limits.tenant = plan_.tenant;
   limits.max_kept_jobs = config_.max_kept_jobs;
@@ -243,10 +260,14 @@ JobLimits Server::Impl::MakeJobLimits() const {
 }
 
 JobEnvironment Server::Impl::MakeJobEnvironment() {
-  const bool logs = !config_.listen.empty();
+  const bool logs = config_.is_service();
   JobEnvironment environment;
   environment.limits = MakeJobLimits();
   environment.jobs = stores_.jobs.get();
+  environment.shared = stores_.shared;
+  environment.cluster = cluster_.get();
+  environment.process = ProcessName(RandomId());
+  environment.lease = config_.lease;
   environment.blobs = stores_.blobs.get();
   environment.budget = &budget_;
   environment.runner = &runner_;
@@ -258,7 +279,10 @@ JobEnvironment Server::Impl::MakeJobEnvironment() {
   environment.disk = upkeep_.get();
   environment.watch = watch_.get();
   environment.now = absl::Now;
-  environment.retention_clock = &retention_clock_;
+  // The clock of a store that others share is the database's.
+  if (stores_.shared == nullptr) {
+    environment.retention_clock = &retention_clock_;
+  }
   environment.new_id = RandomId;
   environment.read_memory = [this] { return ReadMemory(); };
   environment.traces = stores_.traces.get();
@@ -271,7 +295,7 @@ JobEnvironment Server::Impl::MakeJobEnvironment() {
 
 void Server::Impl::OnState(const JobRecord& job) {
   CountState(job, metrics_);
-  if (!config_.listen.empty()) LogState(job, absl::Now());
+  if (config_.is_service()) LogState(job, absl::Now());
 }
 
 MemoryFigures Server::Impl::ReadMemory() const {
@@ -293,8 +317,6 @@ LoadFigures Server::Impl::ReadLoad() {
                          .running_jobs = load.running_jobs,
                          .stuck_workers = load.stuck_jobs,
                          .watchers = manager_.watchers().size(),
-                         .connections = accept_loop_->CountOpen(),
-                         .refused_connections = accept_loop_->refused(),
                          .memory_budget_bytes = budget_.total_bytes(),
                          .memory_reserved_bytes = budget_.reserved_bytes(),
                          .memory_measured_bytes = PeakResidentBytes(),
@@ -303,6 +325,10 @@ LoadFigures Server::Impl::ReadLoad() {
                          .prepared_in_memory = prepared.in_memory,
                          .prepared_on_disk = prepared.on_disk,
                          .prepared_missing = prepared.missing};
+  if (accept_loop_ != nullptr) {
+    figures.connections = accept_loop_->CountOpen();
+    figures.refused_connections = accept_loop_->refused();
+  }
   for (const auto& [priority, count] : manager_.queued_by_priority()) {
     int& level = priority < 0    ? figures.queued_low
                  : priority == 0 ? figures.queued_normal
@@ -315,7 +341,7 @@ LoadFigures Server::Impl::ReadLoad() {
 std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>
 Server::Impl::MakeInterceptors() {
   return MakeCallInterceptors({.metrics = &metrics_,
-                               .log = !config_.listen.empty(),
+                               .log = config_.is_service(),
                                .now = absl::Now,
                                .new_id = RandomId});
 }
@@ -416,9 +442,15 @@ absl::StatusOr<std::unique_ptr<Server>> Server::Create(
 
 absl::StatusOr<std::unique_ptr<Server>> Server::Create(
     const ServerConfig& config, MatchEngine engine, OnGiveUp on_give_up) {
+  return Create(config, std::move(engine), std::move(on_give_up), OpenStores);
+}
+
+absl::StatusOr<std::unique_ptr<Server>> Server::Create(
+    const ServerConfig& config, MatchEngine engine, OnGiveUp on_give_up,
+    const StoreOpener& open) {
   ISOMATCH_RETURN_IF_ERROR(config.Validate());
   ISOMATCH_ASSIGN_OR_RETURN(std::unique_ptr<ApiKeys> keys, OpenKeys(config));
-  ISOMATCH_ASSIGN_OR_RETURN(Stores stores, OpenStores(config));
+  ISOMATCH_ASSIGN_OR_RETURN(Stores stores, open(config));
   auto impl = std::make_unique<Impl>(config, std::move(engine), std::move(keys),
                                      std::move(stores), std::move(on_give_up));
   ISOMATCH_RETURN_IF_ERROR(impl->Listen());

@@ -12,6 +12,7 @@
 #include "server/config/server_config.h"
 #include "server/convert/request_limits.h"
 #include "server/rpc/connection_table.h"
+#include "server/stores.h"
 
 namespace isomatch {
 
@@ -48,6 +49,12 @@ class Server {
   static absl::StatusOr<std::unique_ptr<Server>> Create(
       const ServerConfig& config, MatchEngine engine,
       OnGiveUp on_give_up = nullptr);
+
+  /// The same with stores that `open` opens: of a database, which programs that
+  /// never need one are not linked with.
+  static absl::StatusOr<std::unique_ptr<Server>> Create(
+      const ServerConfig& config, MatchEngine engine, OnGiveUp on_give_up,
+      const StoreOpener& open);
 
   /// Shuts down at once if Shutdown was not called. Does not return before all
   /// workers have, also those that stuck_workers counts.

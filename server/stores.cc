@@ -135,14 +135,14 @@ RetentionClock::Environment MakeClockEnvironment(const ServerConfig& config) {
           [](bool is_believed, const std::string& why) {
             Log(is_believed ? LogLevel::kInfo : LogLevel::kWarning, why);
           }};
-  if (config.is_durable()) environment.save = save;
+  if (config.has_folder()) environment.save = save;
   return environment;
 }
 
 absl::StatusOr<Stores> OpenStores(const ServerConfig& config) {
   Stores stores;
   const std::string& folder = config.data_dir;
-  if (!config.is_durable()) {
+  if (!config.has_folder()) {
     stores.jobs = std::make_unique<MemoryJobStore>();
     stores.blobs = std::make_unique<MemoryBlobStore>(config.blob_store_bytes);
     return stores;

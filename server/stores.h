@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -13,6 +14,7 @@
 #include "server/storage/job_journal.h"
 #include "server/storage/job_store.h"
 #include "server/storage/process_trace.h"
+#include "server/storage/shared_job_store.h"
 
 namespace isomatch {
 
@@ -20,8 +22,12 @@ namespace isomatch {
 struct Stores {
   /// Lock on the data directory; not set without one.
   std::optional<FolderLock> lock;
+  /// What the stores below work with; null without a database.
+  std::shared_ptr<void> database;
   std::unique_ptr<JobJournal> journal;
   std::unique_ptr<JobStore> jobs;
+  /// `jobs` if other processes use it, too; else null.
+  SharedJobStore* shared = nullptr;
   std::unique_ptr<BlobStore> blobs;
   /// Null without a data directory, or when the configuration wants none.
   std::unique_ptr<BlobStore> prepared;
@@ -35,13 +41,18 @@ struct Stores {
 /// Opens the stores in config.data_dir, which is made if need be: jobs.sqlite,
 /// running.json and the folders blobs and prepared; on a full disk what is in
 /// prepared is given up for the others. In memory when the
-/// configuration is not durable. Errors name the directory: FAILED_PRECONDITION
-/// when another server uses it, or a newer version wrote it; UNAVAILABLE when
-/// it cannot be used; DATA_LOSS when it is damaged.
+/// configuration is not durable. REQUIRES: !config.is_shared(). Errors name the
+/// directory: FAILED_PRECONDITION when another server uses it, or a newer
+/// version wrote it; UNAVAILABLE when it cannot be used; DATA_LOSS when it is
+/// damaged.
 absl::StatusOr<Stores> OpenStores(const ServerConfig& config);
 
+/// Opens the stores of a configuration.
+using StoreOpener =
+    std::function<absl::StatusOr<Stores>(const ServerConfig& config)>;
+
 /// The clocks of this machine; what was believed is saved for
-/// Stores::last_seen, if the configuration is durable. The log is told.
+/// Stores::last_seen, if there is a data directory. The log is told.
 RetentionClock::Environment MakeClockEnvironment(const ServerConfig& config);
 
 }  // namespace isomatch

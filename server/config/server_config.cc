@@ -81,6 +81,25 @@ absl::Status CheckWord(absl::string_view field, const std::string& word,
   return WrongValue(field, word, absl::StrJoin(words, ", "));
 }
 
+absl::Status CheckStore(const ServerConfig& config) {
+  ISOMATCH_RETURN_IF_ERROR(
+      CheckWord("--role", config.role, {"all", "gateway", "worker"}));
+  if (!config.is_shared()) {
+    if (config.role == "all") return absl::OkStatus();
+    return absl::InvalidArgumentError(
+        absl::StrCat("--role = ", config.role,
+                     " without --store, expected the database that gateways "
+                     "and workers share"));
+  }
+  const bool is_url = absl::StartsWith(config.store, "postgresql://") ||
+                      absl::StartsWith(config.store, "postgres://");
+  if (!is_url) {
+    // Not the value: it may have a password.
+    return WrongValue("--store", "...", "postgresql://USER@HOST:PORT/DATABASE");
+  }
+  return CheckDuration("--lease", config.lease, ServerConfig::kLease);
+}
+
 /// What must not be more than half of the blob store, since it passes there.
 absl::Status CheckBytesOfHalf(absl::string_view field, std::int64_t value,
                               const IntRange& range,
@@ -196,6 +215,7 @@ absl::Status ServerConfig::Validate() const {
   ISOMATCH_RETURN_IF_ERROR(CheckTls(*this));
   ISOMATCH_RETURN_IF_ERROR(CheckExposure(*this));
   ISOMATCH_RETURN_IF_ERROR(CheckMetricsListen(*this));
+  ISOMATCH_RETURN_IF_ERROR(CheckStore(*this));
   ISOMATCH_RETURN_IF_ERROR(CheckCounts(*this));
   ISOMATCH_RETURN_IF_ERROR(CheckSizes(*this));
   ISOMATCH_RETURN_IF_ERROR(CheckTimes(*this));

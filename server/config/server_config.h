@@ -22,8 +22,8 @@ struct ServerConfig {
   /// Whether a proxy that stops floods of HTTP/2 stands in front of `listen`:
   /// there is no limit per address then, as all connections are the proxy's.
   bool behind_edge = false;
-  /// HOST:PORT of the metrics, IPv4; "off" for none. A server without
-  /// `listen` has none either.
+  /// HOST:PORT of the metrics, IPv4; "off" for none. A server that is no
+  /// service has none either.
   std::string metrics_listen = "127.0.0.1:7444";
   /// Allows a `metrics_listen` that other machines can reach; `insecure` does,
   /// too.
@@ -42,6 +42,22 @@ struct ServerConfig {
   /// Lines `name tenant role sha256`; every call must come with one of these
   /// keys. Without them everybody is the default Caller.
   std::string api_keys;
+
+  // Whom it works with.
+
+  /// postgresql://... of the database that several processes share as queue and
+  /// store; empty for one process with a folder of its own.
+  std::string store;
+  /// File whose first line is the database's password; none when empty.
+  std::string store_password_file;
+  bool is_shared() const { return !store.empty(); }
+  /// With `store`: "gateway" takes calls, "worker" runs jobs, "all" does both.
+  std::string role = "all";
+  bool runs_jobs() const { return role != "gateway"; }
+  /// With `store`: how long a process that says nothing is believed to go on
+  /// with its jobs.
+  static constexpr DurationRange kLease = {absl::Seconds(2), absl::Hours(1)};
+  absl::Duration lease = absl::Seconds(15);
 
   // What it may use.
 
@@ -67,7 +83,10 @@ struct ServerConfig {
   std::string data_dir;
   /// Everything in memory, as without data_dir.
   bool ephemeral = false;
-  bool is_durable() const { return !ephemeral && !data_dir.empty(); }
+  bool has_folder() const {
+    return !ephemeral && !is_shared() && !data_dir.empty();
+  }
+  bool is_durable() const { return is_shared() || has_folder(); }
   /// How long a job and its result are kept after it ended.
   static constexpr DurationRange kJobRetention = {absl::Minutes(1),
                                                   absl::Hours(24 * 3652)};
@@ -155,7 +174,8 @@ struct ServerConfig {
   static constexpr IntRange kMaxKeptJobs = {1, 1'000'000};
   int max_kept_jobs = 1000;
 
-  // What it tells. Used by main.cc only: a server without a port logs nothing.
+  // What it tells. Used by main.cc only: a server that is no service logs
+  // nothing.
 
   /// trace, debug, info, warn, error, critical or off.
   std::string log_level = "info";
@@ -167,6 +187,10 @@ struct ServerConfig {
 
   /// Whether other machines can reach `listen`.
   bool is_exposed() const;
+
+  /// Whether it is a process of its own, which logs and has metrics, and not
+  /// within its only client.
+  bool is_service() const { return !listen.empty() || role == "worker"; }
 };
 
 /// INVALID_ARGUMENT naming the field when `address` is neither HOST:PORT nor

@@ -35,6 +35,10 @@ Examples:
   isomatch-server --print-config > isomatch.toml
   isomatch-server --config isomatch.toml
       The same from a file, which the environment and flags override.
+  isomatch-server migrate --store postgresql://isomatch@db/isomatch
+      Makes or updates the tables of a database that many processes share.
+  isomatch-server --store postgresql://isomatch@db/isomatch --role worker
+      Runs jobs that gateways (--role gateway) put there, on any machine.
   isomatch-server --health
       Says whether the server that these flags start serves.
   isomatch match --server 127.0.0.1:7443 x.off y.off -o map.txt
@@ -100,13 +104,35 @@ void AddNewKeyFlags(CLI::App& app, NewApiKeyRequest& request) {
       ->configurable(false)
       ->capture_default_str()
       ->group("Security");
-  app.add_option("--role", request.role,
-                 "Role of the new key: read, submit or admin")
-      ->check(CLI::IsMember({"read", "submit", "admin"}))
-      ->needs(name)
-      ->configurable(false)
-      ->capture_default_str()
-      ->group("Security");
+}
+
+/// What --role says of a new key.
+absl::Status SetKeyRole(const CLI::App& app, const std::string& role,
+                        NewApiKeyRequest& request) {
+  if (app.count("--role") == 0) return absl::OkStatus();
+  for (const char* known : {"read", "submit", "admin"}) {
+    if (role == known) {
+      request.role = role;
+      return absl::OkStatus();
+    }
+  }
+  return WrongValue("--role", role, "read, submit or admin");
+}
+
+void AddClusterFlags(FlagSet& flags, ServerConfig& config) {
+  flags.BeginGroup("Several processes or machines");
+  flags.AddText("--store", config.store, "URL",
+                "postgresql://USER@HOST:PORT/DATABASE that gateways and "
+                "workers share as queue and store, in place of --data-dir");
+  flags.AddText("--store-password-file", config.store_password_file, "FILE",
+                "File whose first line is the password of --store; otherwise "
+                "PGPASSWORD or PGPASSFILE");
+  flags.AddText("--role", config.role, "ROLE",
+                "With --store: gateway takes calls, worker runs jobs, all does "
+                "both. With --new-api-key: read, submit or admin");
+  flags.AddDuration("--lease", config.lease, ServerConfig::kLease,
+                    "How long a worker that says nothing keeps its jobs; then "
+                    "others run them");
 }
 
 void AddResourceFlags(FlagSet& flags, ServerConfig& config) {
@@ -258,12 +284,17 @@ void AddOperationFlags(FlagSet& flags, ServerConfig& config) {
 /// Flags that do something else than serve.
 struct Actions {
   bool print_config = false;
+  CLI::App* migrate = nullptr;
   /// Whose health to ask; empty for the server that the flags start.
   std::optional<std::string> health_address;
 };
 
 void AddActions(CLI::App& app, Actions& actions) {
   app.set_version_flag("--version", absl::StrCat("isomatch-server ", kVersion));
+  actions.migrate =
+      app.add_subcommand("migrate",
+                         "Makes or updates the tables of --store, then exits")
+          ->fallthrough();
   app.add_flag("--print-config", actions.print_config,
                "Prints the values of all flags, as a file for --config")
       ->configurable(false);
@@ -282,7 +313,14 @@ void AddActions(CLI::App& app, Actions& actions) {
 }
 
 absl::Status Finish(const Actions& actions, ServerCommand& command) {
+  if (command.config.role == "worker") command.config.listen = "";
   ISOMATCH_RETURN_IF_ERROR(command.config.Validate());
+  command.migrate = actions.migrate->parsed();
+  if (command.migrate && !command.config.is_shared()) {
+    return absl::InvalidArgumentError(
+        "migrate without --store, expected the database whose tables to bring "
+        "up to date; a --data-dir is brought up to date by itself");
+  }
   if (!actions.health_address) return absl::OkStatus();
   command.health_address = actions.health_address->empty()
                                ? ProbeAddress(command.config.listen)
@@ -304,6 +342,7 @@ std::optional<int> ParseServerFlags(int argc, const char* const* argv,
   AddNewKeyFlags(app, new_key);
   AddResourceFlags(flags, command.config);
   AddStorageFlags(flags, command.config);
+  AddClusterFlags(flags, command.config);
   AddLimitFlags(flags, command.config);
   AddTenantFlags(flags, command.config);
   AddOperationFlags(flags, command.config);
@@ -318,6 +357,11 @@ std::optional<int> ParseServerFlags(int argc, const char* const* argv,
     return app.exit(error) == 0 ? 0 : kWrongFlags;
   }
   if (!new_key.name.empty()) {
+    if (const absl::Status role = SetKeyRole(app, command.config.role, new_key);
+        !role.ok()) {
+      std::cerr << "isomatch-server: " << role.message() << "\n";
+      return kWrongFlags;
+    }
     return PrintNewApiKey(new_key, std::cout, std::cerr);
   }
   const absl::Status finished = Finish(actions, command);

@@ -13,6 +13,8 @@ struct ServerCommand {
   ServerConfig config;
   /// Do not serve: ask the server at this address how it is (--health).
   std::optional<std::string> health_address;
+  /// Do not serve: bring the tables of config.store up to date (migrate).
+  bool migrate = false;
 };
 
 /// Reads command line, environment and configuration file of isomatch-server

@@ -21,11 +21,17 @@
 #include "server/storage/blob_store.h"
 #include "server/storage/job_store.h"
 #include "server/storage/process_trace.h"
+#include "server/storage/shared_job_store.h"
 
 namespace isomatch {
 
+/// Starts of a job after which it runs alone: the server went down with it each
+/// time, and nothing told whose fault it was.
+inline constexpr int kAloneAfter = 3;
+
 struct JobLimits {
-  /// Jobs that run at the same time; the executor has as many threads.
+  /// Jobs that run at the same time; the executor has as many threads. 0 for a
+  /// process that leaves them to others.
   int workers = 1;
   /// Jobs that wait.
   int max_queued_jobs = 100;
@@ -73,6 +79,13 @@ struct JobEnvironment {
   JobLimits limits = {};
 
   JobStore* jobs = nullptr;
+  /// The same store when other processes use it, too; null when it is this
+  /// one's alone, which then has the queue.
+  SharedJobStore* shared = nullptr;
+  /// The name of this process among those, which no other has or had.
+  std::string process = "";
+  /// How long the others believe it without a word.
+  absl::Duration lease = absl::Seconds(15);
   BlobStore* blobs = nullptr;
   MemoryBudget* budget = nullptr;
   const JobRunner* runner = nullptr;
@@ -86,6 +99,8 @@ struct JobEnvironment {
   /// One thread for what waits for the disk; null: that is done in the thread
   /// that has it to do.
   Executor* disk = nullptr;
+  /// For ClusterMember, which waits for the store; used with `shared` only.
+  Executor* cluster = nullptr;
   /// For JobWatchdog; null: there is none.
   Executor* watch = nullptr;
 

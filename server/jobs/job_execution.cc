@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "absl/time/clock.h"
 #include "core/base/sha256.h"
 #include "core/base/status_macros.h"
 #include "server/jobs/errors.h"
@@ -12,6 +13,17 @@ namespace {
 
 /// How often in a row the inputs may be unreadable: for an hour.
 constexpr int kMostUnreadable = 124;
+
+/// How long a result waits in memory for a store that does not answer, and how
+/// often it is tried.
+constexpr absl::Duration kLongestSilence = absl::Minutes(15);
+constexpr absl::Duration kSilencePause = absl::Milliseconds(500);
+
+/// The job may be another process's by now, or this one's by a later claim.
+absl::Status CheckOwn(const JobRecord& started, const JobRecord& now) {
+  if (now.claim == started.claim) return absl::OkStatus();
+  return absl::FailedPreconditionError("another worker has the job");
+}
 
 }  // namespace
 
@@ -40,12 +52,20 @@ absl::Status JobExecution::RunToEnd(LiveJob& live, Progress& progress) {
           [&] { return environment_.load_spec(record); },
           [&](const JobProgress& now) { ReportProgress(live.id, now); },
           live.stop.get_token()));
-  ISOMATCH_RETURN_IF_ERROR(
-      StoreParts(record.tenant, std::move(outcome.parts), progress));
-  JobResult& result = outcome.result;
+  const auto store = [&] { return StoreResult(record, outcome, progress); };
+  if (environment_.shared == nullptr) return store();
+  return WhenStoreAnswers(live, store);
+}
+
+absl::Status JobExecution::StoreResult(const JobRecord& started,
+                                       const RunOutcome& outcome,
+                                       Progress& progress) {
+  ISOMATCH_RETURN_IF_ERROR(StoreParts(started.tenant, outcome.parts, progress));
+  JobResult result = outcome.result;
   result.parts = progress.stored;
   const auto moved =
-      lifecycle_.Move(record.id, JobState::kSucceeded, [&](JobRecord& done) {
+      lifecycle_.Move(started.id, JobState::kSucceeded, [&](JobRecord& done) {
+        ISOMATCH_RETURN_IF_ERROR(CheckOwn(started, done));
         done.result = result;
         done.progress.stage_fraction = 1;
         done.progress.total_fraction = 1;
@@ -54,25 +74,44 @@ absl::Status JobExecution::RunToEnd(LiveJob& live, Progress& progress) {
   return moved.status();
 }
 
+absl::Status JobExecution::WhenStoreAnswers(
+    const LiveJob& live, const std::function<absl::Status()>& store) const {
+  const absl::Duration end = environment_.uptime() + kLongestSilence;
+  while (true) {
+    const absl::Status stored = store();
+    const bool may_pass =
+        absl::IsUnavailable(stored) && !live.stop.stop_requested();
+    if (!may_pass || environment_.uptime() > end) return stored;
+    absl::SleepFor(kSilencePause);
+  }
+}
+
 absl::StatusOr<JobRecord> JobExecution::Start(LiveJob& live) {
   RunningJobs& runs = scheduler_.runs();
   live.timer.reset();
   runs.Begin(live.id, environment_.read_memory().resident_bytes);
   if (live.stop.stop_requested()) runs.OnAskedToStop(live.id);
+  if (live.claimed) {
+    runs.SetClaim(live.id, live.claimed->claim);
+    lifecycle_.OnClaimed(*live.claimed);
+  }
   ISOMATCH_ASSIGN_OR_RETURN(
-      JobRecord started,
-      lifecycle_.Move(live.id, JobState::kRunning, [&](JobRecord& record) {
-        record.start_time = environment_.now();
-        ++record.attempt;
-        if (const auto limit = environment_.limits.RunTime(record.run_timeout);
-            limit < absl::InfiniteDuration()) {
-          record.run_timeout = limit;
-        }
-        return absl::OkStatus();
-      }));
+      JobRecord started, live.claimed ? *live.claimed : MoveToRunning(live.id));
   runs.SetAttempt(live.id, started.attempt);
   LimitRunTime(live, started);
   return started;
+}
+
+absl::StatusOr<JobRecord> JobExecution::MoveToRunning(const std::string& id) {
+  return lifecycle_.Move(id, JobState::kRunning, [&](JobRecord& record) {
+    record.start_time = environment_.now();
+    ++record.attempt;
+    if (const auto limit = environment_.limits.RunTime(record.run_timeout);
+        limit < absl::InfiniteDuration()) {
+      record.run_timeout = limit;
+    }
+    return absl::OkStatus();
+  });
 }
 
 void JobExecution::LimitRunTime(LiveJob& live, const JobRecord& started) {
@@ -88,7 +127,8 @@ void JobExecution::LimitRunTime(LiveJob& live, const JobRecord& started) {
 
 void JobExecution::ReportProgress(const std::string& id,
                                   const JobProgress& progress) {
-  scheduler_.runs().OnProgress(id);
+  scheduler_.runs().OnProgress(id, progress);
+  if (environment_.shared != nullptr) return;  // ClusterMember tells it
   (void)lifecycle_.Change(id, [&](JobRecord& record) {
     if (record.state != JobState::kRunning) {
       return JobIsTerminal(id, record.state);
@@ -99,8 +139,10 @@ void JobExecution::ReportProgress(const std::string& id,
 }
 
 absl::Status JobExecution::StoreParts(const std::string& tenant,
-                                      std::vector<EncodedPart> parts,
+                                      const std::vector<EncodedPart>& parts,
                                       Progress& progress) {
+  progress.result_bytes = 0;
+  progress.stored.clear();
   for (const EncodedPart& part : parts) {
     progress.result_bytes += static_cast<std::int64_t>(part.bytes.size());
   }
@@ -108,11 +150,11 @@ absl::Status JobExecution::StoreParts(const std::string& tenant,
     retention_.Prune(progress.result_bytes);
   }
   progress.stored.reserve(parts.size());  // so that none is put and not told
-  for (EncodedPart& part : parts) {
+  for (const EncodedPart& part : parts) {
     StoredPart stored{part.part, Sha256Hex(part.bytes),
                       static_cast<std::int64_t>(part.bytes.size())};
-    const absl::Status put = environment_.blobs->Put(
-        {tenant, stored.sha256}, std::move(part.bytes), Keep::kPinned);
+    const absl::Status put = environment_.blobs->Put({tenant, stored.sha256},
+                                                     part.bytes, Keep::kPinned);
     if (!put.ok()) return StorageFailed(put);
     progress.stored.push_back(std::move(stored));
   }
@@ -134,15 +176,19 @@ void JobExecution::Settle(LiveJob& live, Progress& progress,
   if (live.stop.stop_requested()) {
     live.awaited_bytes = 0;
     live.unreadable = 0;
-    PutBack(live.id);
+    PutBack(*progress.started);
   } else if (!WaitForStorage(live, progress, error)) {
     lifecycle_.Fail(*progress.started, error);
   }
 }
 
-void JobExecution::PutBack(const std::string& id) {
+void JobExecution::PutBack(const JobRecord& started) {
+  const std::string& id = started.id;
   const auto record = lifecycle_.Read(id);
-  if (!record.ok() || record->state != JobState::kRunning) return;
+  if (!record.ok() || record->state != JobState::kRunning ||
+      record->claim != started.claim) {
+    return;
+  }
   const bool is_fault = watchdog_.HasFreedMemory(id);
   if (is_fault && record->faults + 1 >= environment_.limits.max_faults) {
     lifecycle_.Fail(
@@ -151,6 +197,7 @@ void JobExecution::PutBack(const std::string& id) {
     return;
   }
   (void)lifecycle_.Move(id, JobState::kQueued, [&](JobRecord& now) {
+    ISOMATCH_RETURN_IF_ERROR(CheckOwn(started, now));
     if (is_fault) {
       ++now.faults;
     } else {
@@ -180,10 +227,12 @@ bool JobExecution::WaitForStorage(LiveJob& live, const Progress& progress,
   }
   const auto moved =
       lifecycle_.Move(live.id, JobState::kQueued, [&](JobRecord& now) {
+        ISOMATCH_RETURN_IF_ERROR(CheckOwn(started, now));
         if (now.state != started.state) {
           return absl::FailedPreconditionError("too late");
         }
         --now.attempt;  // it was not the job's fault
+        now.hold = HoldAfter(live.times_held);
         return absl::OkStatus();
       });
   return moved.ok();

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -53,15 +54,24 @@ class JobExecution {
   /// From QUEUED to SUCCEEDED, or the error that ended it.
   absl::Status RunToEnd(LiveJob& live, Progress& progress);
   absl::StatusOr<JobRecord> Start(LiveJob& live);
+  absl::StatusOr<JobRecord> MoveToRunning(const std::string& id);
   void LimitRunTime(LiveJob& live, const JobRecord& started);
   void ReportProgress(const std::string& id, const JobProgress& progress);
+  /// The result of a match that has ended, and SUCCEEDED; may be called again.
+  absl::Status StoreResult(const JobRecord& started, const RunOutcome& outcome,
+                           Progress& progress);
   absl::Status StoreParts(const std::string& tenant,
-                          std::vector<EncodedPart> parts, Progress& progress);
+                          const std::vector<EncodedPart>& parts,
+                          Progress& progress);
+  /// Returns what `store` returns once the store that others share answers,
+  /// unless the job is asked to stop before.
+  absl::Status WhenStoreAnswers(
+      const LiveJob& live, const std::function<absl::Status()>& store) const;
 
   /// Gives the job that did not come to its end the state that follows. May be
   /// called again wherever it ended.
   void Settle(LiveJob& live, Progress& progress, const absl::Status& error);
-  void PutBack(const std::string& id);
+  void PutBack(const JobRecord& started);
   /// Makes the job QUEUED again if `error` may pass; false if not.
   bool WaitForStorage(LiveJob& live, const Progress& progress,
                       const absl::Status& error);

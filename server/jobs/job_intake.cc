@@ -54,9 +54,16 @@ absl::StatusOr<std::optional<JobSnapshot>> JobIntake::FindRequest(
 absl::StatusOr<JobIntake::SeatPtr> JobIntake::TakeSeat(
     const Caller& caller, const std::string& request_id) {
   const auto seat = std::make_shared<Seat>(this, caller.tenant);
+  QueueRoom shared_room = {};
+  const QueueRoom* shared = nullptr;
+  if (environment_.shared != nullptr) {
+    ISOMATCH_ASSIGN_OR_RETURN(shared_room,
+                              scheduler_.SharedRoomFor(caller.tenant));
+    shared = &shared_room;
+  }
   {
     MutexLock lock(mutex_);
-    const absl::Status taken = TakeSeatLocked(*seat);
+    const absl::Status taken = TakeSeatLocked(*seat, shared);
     if (taken.ok()) return seat;
     if (request_id.empty()) return taken;
   }
@@ -65,12 +72,17 @@ absl::StatusOr<JobIntake::SeatPtr> JobIntake::TakeSeat(
     return SeatPtr();
   }
   MutexLock lock(mutex_);
-  ISOMATCH_RETURN_IF_ERROR(TakeSeatLocked(*seat));  // there may be one by now
+  // There may be one by now.
+  ISOMATCH_RETURN_IF_ERROR(TakeSeatLocked(*seat, shared));
   return seat;
 }
 
-absl::Status JobIntake::TakeSeatLocked(Seat& seat) {
-  ISOMATCH_RETURN_IF_ERROR(CheckRoomLocked(seat.tenant()));
+absl::Status JobIntake::TakeSeatLocked(Seat& seat, const QueueRoom* shared) {
+  // A job keeps its seat until it is in the queue: for a moment it may count
+  // twice, and at no time does it count as none.
+  ISOMATCH_RETURN_IF_ERROR(CheckRoomLocked(
+      seat.tenant(),
+      shared != nullptr ? *shared : scheduler_.RoomFor(seat.tenant())));
   seated_.insert(seat.tenant());
   seat.SetTaken();
   return absl::OkStatus();
@@ -81,10 +93,8 @@ void JobIntake::GiveSeatBack(const std::string& tenant) {
   seated_.erase(seated_.find(tenant));
 }
 
-absl::Status JobIntake::CheckRoomLocked(const std::string& tenant) const {
-  // A job keeps its seat until it is in the queue: for a moment it may count
-  // twice, and at no time does it count as none.
-  const QueueRoom room = scheduler_.RoomFor(tenant);
+absl::Status JobIntake::CheckRoomLocked(const std::string& tenant,
+                                        const QueueRoom& room) const {
   if (room.draining) return Draining(kRetryDraining);
   const int waiting = room.queued_jobs + static_cast<int>(seated_.size());
   if (waiting >= environment_.limits.max_queued_jobs) {
@@ -105,7 +115,7 @@ absl::StatusOr<JobSnapshot> JobIntake::Create(const Caller& caller,
       FindRequest(caller, spec.request_id, spec.request_sha256));
   if (before) return *std::move(before);
   JobRecord record = NewRecord(caller, spec);
-  const std::int64_t budget_bytes = environment_.budget->total_bytes();
+  const std::int64_t budget_bytes = scheduler_.LargestJobBytes();
   if (record.memory_estimate_bytes > budget_bytes) {
     return JobNeedsMoreMemoryThanBudget(record.memory_estimate_bytes,
                                         budget_bytes);
@@ -148,7 +158,9 @@ absl::StatusOr<JobSnapshot> JobIntake::Accept(const Caller& caller,
                                               std::vector<JobInput> inputs) {
   const std::string& id = record.id;
   // Before others can end it, so that its end finds it guarded.
-  if (record.cancel_when_unwatched) lifecycle_.guard().Guard(id);
+  const bool is_guarded =
+      record.cancel_when_unwatched && environment_.shared == nullptr;
+  if (is_guarded) lifecycle_.guard().Guard(id);
   const auto stored = Store(record, std::move(inputs));
   if (!stored.ok()) {
     lifecycle_.guard().Release(id);

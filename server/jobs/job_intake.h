@@ -44,8 +44,11 @@ class JobIntake {
                                      SeatPtr seat);
 
  private:
-  absl::Status TakeSeatLocked(Seat& seat) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  absl::Status CheckRoomLocked(const std::string& tenant) const
+  /// `shared`: what the store that others share has said before.
+  absl::Status TakeSeatLocked(Seat& seat, const QueueRoom* shared)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  absl::Status CheckRoomLocked(const std::string& tenant,
+                               const QueueRoom& room) const
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void GiveSeatBack(const std::string& tenant);
   JobRecord NewRecord(const Caller& caller, const JobSpec& spec) const;

@@ -81,7 +81,10 @@ void JobLifecycle::OnMoved(const JobRecord& moved) {
   // Else the log or a metric misses it.
   IfThereIsMemory([&] { environment_.on_state(moved); });
   WhenThereIsMemory([&] { watchers_.Notify(moved.id); });
-  if (is_over) IfThereIsMemory([&] { retention_.Prune(); });  // or next time
+  // Of a store that others share one process looks after the old ones.
+  if (is_over && environment_.shared == nullptr) {
+    IfThereIsMemory([&] { retention_.Prune(); });  // or next time
+  }
 }
 
 absl::StatusOr<JobRecord> JobLifecycle::Change(const std::string& id,
@@ -105,7 +108,7 @@ void JobLifecycle::Fail(const JobRecord& record, const absl::Status& error) {
   const bool is_cancelled = absl::IsCancelled(error);
   (void)Move(record.id, is_cancelled ? JobState::kCancelled : JobState::kFailed,
              [&](JobRecord& now) {
-               if (now.state != record.state) {
+               if (now.state != record.state || now.claim != record.claim) {
                  return absl::FailedPreconditionError("too late");
                }
                if (!is_cancelled) now.error = JobErrorOf(error);

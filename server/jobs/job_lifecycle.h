@@ -58,8 +58,11 @@ class JobLifecycle {
   absl::StatusOr<JobRecord> Move(const std::string& id, JobState to,
                                  const Edit& edit = {});
 
-  /// Makes the job FAILED, or CANCELLED if `error` says so, unless its state is
-  /// another than the record's by now.
+  /// The job became RUNNING in a SharedJobStore.
+  void OnClaimed(const JobRecord& record) { OnMoved(record); }
+
+  /// Makes the job FAILED, or CANCELLED if `error` says so, unless its state or
+  /// claim is another than the record's by now.
   void Fail(const JobRecord& record, const absl::Status& error);
 
  private:

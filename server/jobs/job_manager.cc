@@ -31,11 +31,17 @@ JobManager::JobManager(JobEnvironment environment)
       watchdog_(environment_, &lifecycle_, &scheduler_),
       execution_(environment_, &lifecycle_, &retention_, &scheduler_,
                  &watchdog_),
-      intake_(environment_, &lifecycle_, &retention_, &scheduler_) {}
+      intake_(environment_, &lifecycle_, &retention_, &scheduler_),
+      member_(environment_, &lifecycle_, &retention_, &scheduler_) {}
 
 // Beginning.
 
 void JobManager::Begin() {
+  if (environment_.shared != nullptr) {
+    member_.Begin();
+    if (environment_.watch != nullptr) watchdog_.Begin();
+    return;
+  }
   JobFilter all;
   all.limit = std::numeric_limits<int>::max();
   // What is in this process is there, or the process is not.
@@ -163,6 +169,7 @@ void JobManager::BeginDrain() {
   disk_.Stop();
   retention_.Stop();
   scheduler_.BeginDrain();
+  if (environment_.shared != nullptr) member_.Leave();
 }
 
 void JobManager::Shutdown(absl::Duration drain) {
@@ -181,6 +188,7 @@ void JobManager::Shutdown(absl::Duration drain) {
   environment_.jobs->Flush();
   stopped_ = true;
   watchdog_.Stop();
+  member_.Stop();
   watchers().NotifyAll();
 }
 

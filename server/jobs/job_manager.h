@@ -14,6 +14,7 @@
 #include "server/engine/job_spec.h"
 #include "server/jobs/blame.h"
 #include "server/jobs/caller.h"
+#include "server/jobs/cluster_member.h"
 #include "server/jobs/disk_work.h"
 #include "server/jobs/job_environment.h"
 #include "server/jobs/job_execution.h"
@@ -45,6 +46,7 @@ struct JobPart {
 ///   JobWatchdog    looks after those that run
 ///   JobLifecycle   the states of jobs; a drawing is there
 ///   JobRetention   how long jobs and their bytes stay
+///   ClusterMember  what it does for others, where a store is shared
 ///
 /// each of which knows those below it.
 ///
@@ -66,7 +68,8 @@ class JobManager {
   /// doing it was, the attempt of the others does not count. One with
   /// `max_faults`, or `max_attempts` starts, becomes FAILED
   /// (CRASHED_REPEATEDLY). From now on forgets old jobs by itself, and watches.
-  /// Call once, before Create.
+  /// Call once, before Create. Of a store that others share, jobs are taken up
+  /// one by one instead, by whoever has a place for them.
   void Begin();
 
   // The job of another tenant is NOT_FOUND, but for an administrator.
@@ -155,6 +158,8 @@ class JobManager {
   JobWatchdog watchdog_;
   JobExecution execution_;
   JobIntake intake_;
+  /// Does nothing without a store that others share.
+  ClusterMember member_;
   std::atomic<bool> stopped_ = false;
 };
 

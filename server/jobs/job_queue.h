@@ -5,6 +5,7 @@
 #include <limits>
 #include <map>
 #include <memory>
+#include <optional>
 #include <set>
 #include <stop_token>
 #include <string>
@@ -13,6 +14,7 @@
 
 #include "server/jobs/memory_budget.h"
 #include "server/machine/executor.h"
+#include "server/storage/job_record.h"
 
 namespace isomatch {
 
@@ -49,6 +51,8 @@ struct LiveJob {
   /// its inputs could not be read this many times in a row.
   std::int64_t awaited_bytes = 0;
   int unreadable = 0;
+  /// The record of one that a SharedQueue has claimed: RUNNING already.
+  std::optional<JobRecord> claimed;
   /// Runs out at the queue timeout or, once the job runs, at the run timeout.
   Executor::Timer timer;
 

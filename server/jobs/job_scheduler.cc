@@ -13,21 +13,17 @@
 namespace isomatch {
 namespace {
 
-/// Starts of a job after which it runs alone: the server went down with it each
-/// time, and nothing told whose fault it was.
-constexpr int kAloneAfter = 3;
-
 // How long a job whose inputs could not be read waits: twice as long each time.
 constexpr absl::Duration kFirstHold = absl::Seconds(1);
 constexpr absl::Duration kLongestHold = absl::Seconds(30);
+
+}  // namespace
 
 absl::Duration HoldAfter(int times_held) {
   absl::Duration hold = kFirstHold;
   for (int i = 0; i < times_held && hold < kLongestHold; ++i) hold *= 2;
   return std::min(hold, kLongestHold);
 }
-
-}  // namespace
 
 JobScheduler::JobScheduler(
     const JobEnvironment& environment, JobLifecycle* lifecycle, DiskWork* disk,
@@ -38,6 +34,7 @@ JobScheduler::JobScheduler(
       run_(std::move(run)),
       gate_(MakeGateEnvironment()),
       runs_(environment.uptime),
+      shared_queue_(environment),
       queue_(environment.limits.max_passes,
              environment.limits.tenant.running_jobs),
       threads_(environment.limits.workers) {}
@@ -59,8 +56,19 @@ StorageGate::Environment JobScheduler::MakeGateEnvironment() {
 // Asking.
 
 JobLoad JobScheduler::load() const {
-  MutexLock lock(mutex_);
   const bool can_store = gate_.is_open();
+  if (is_shared()) {
+    const int queued = shared_queue_.Counts().queued;
+    MutexLock lock(mutex_);
+    return {.queued_jobs = queued,
+            .running_jobs = running_ - stuck_,
+            .stuck_jobs = stuck_,
+            .draining = draining_,
+            .held_jobs = 0,
+            .can_store = can_store,
+            .held_for_storage = 0};
+  }
+  MutexLock lock(mutex_);
   return {queue_.size(),
           running_ - stuck_,
           stuck_,
@@ -71,6 +79,7 @@ JobLoad JobScheduler::load() const {
 }
 
 std::map<std::int32_t, int> JobScheduler::queued_by_priority() const {
+  if (is_shared()) return shared_queue_.Counts().queued_by_priority;
   MutexLock lock(mutex_);
   return queue_.CountByPriority();
 }
@@ -80,9 +89,28 @@ QueueRoom JobScheduler::RoomFor(const std::string& tenant) const {
   return {draining_, queue_.size(), queue_.CountOf(tenant)};
 }
 
+absl::StatusOr<QueueRoom> JobScheduler::SharedRoomFor(
+    const std::string& tenant) {
+  auto of_tenant = shared_queue_.CountQueuedOf(tenant);
+  if (!of_tenant.ok()) return StorageSilent(of_tenant.status());
+  const int queued = shared_queue_.Counts().queued;
+  MutexLock lock(mutex_);
+  return QueueRoom{draining_, queued, *of_tenant};
+}
+
+std::int64_t JobScheduler::LargestJobBytes() const {
+  return is_shared() ? shared_queue_.LargestWorkerBytes()
+                     : environment_.budget->total_bytes();
+}
+
 JobSnapshot JobScheduler::SnapshotOf(JobRecord record) const {
   JobSnapshot snapshot{std::move(record)};
   if (snapshot.record.state != JobState::kQueued) return snapshot;
+  if (is_shared()) {
+    snapshot.queue_position = shared_queue_.PositionOf(snapshot.record.id);
+    if (snapshot.record.is_held) snapshot.waiting_for = WaitReason::kInputs;
+    return snapshot;
+  }
   if (!gate_.is_open()) snapshot.waiting_for = WaitReason::kStorage;
   MutexLock lock(mutex_);
   snapshot.queue_position = queue_.JobsAhead(snapshot.record.id);
@@ -124,6 +152,7 @@ void JobScheduler::EndBegin() {
 }
 
 void JobScheduler::Enqueue(const JobRecord& record) {
+  if (is_shared()) return Dispatch();
   PutInQueue(NewLive(record));
   Dispatch();
 }
@@ -179,6 +208,7 @@ void JobScheduler::PushLocked(const std::shared_ptr<LiveJob>& live) {
 }
 
 void JobScheduler::EnqueueAgain(const LiveJob& before) {
+  if (is_shared()) return;  // whoever put it back has said all
   const auto record = lifecycle_.Read(before.id);
   if (!record.ok() || record->state != JobState::kQueued) return;
   const std::shared_ptr<LiveJob> live = NewLive(*record);
@@ -202,11 +232,10 @@ void JobScheduler::Dispatch() {
 }
 
 std::shared_ptr<LiveJob> JobScheduler::TakeNext() {
+  if (is_shared()) return ClaimNext();
   MutexLock lock(mutex_);
   const bool may_start = !draining_ && !is_beginning_ && gate_.is_open();
-  const bool has_worker =
-      running_ - stuck_ < environment_.limits.workers && running_ < threads_;
-  if (!may_start || !has_worker) return nullptr;
+  if (!may_start || !has_free_worker()) return nullptr;
   // What waits for memory that never comes back must not hold up the others,
   // unless a new process will have it.
   MemoryBudget& budget = *environment_.budget;
@@ -214,6 +243,24 @@ std::shared_ptr<LiveJob> JobScheduler::TakeNext() {
       budget, environment_.may_give_up() ? JobQueue::kAnyBytes
                                          : budget.total_bytes() - stuck_bytes_);
   if (live != nullptr) ++running_;
+  return live;
+}
+
+std::shared_ptr<LiveJob> JobScheduler::ClaimNext() {
+  {
+    MutexLock lock(mutex_);
+    if (draining_ || !gate_.is_open() || !has_free_worker()) return nullptr;
+    ++running_;  // a place for it
+  }
+  std::shared_ptr<LiveJob> live = shared_queue_.Claim();
+  MutexLock lock(mutex_);
+  if (live == nullptr) {
+    --running_;
+    idle_.NotifyAll();
+    return nullptr;
+  }
+  live_[live->id] = live;
+  if (draining_) live->stop.request_stop();  // it goes back at once
   return live;
 }
 
@@ -233,7 +280,7 @@ void JobScheduler::Release(const std::shared_ptr<LiveJob>& live) {
   if (runs_.End(live->id)) {
     --stuck_;  // it has come back after all
     stuck_bytes_ -= live->memory_estimate_bytes;
-  } else {
+  } else if (!is_shared()) {
     queue_.OnEnded(live->tenant);
   }
   --running_;
@@ -308,8 +355,12 @@ absl::Status JobScheduler::Stop(const std::string& id, JobState to,
 
 void JobScheduler::FailIfStill(JobState state, const std::string& id,
                                const absl::Status& error) {
+  const std::uint64_t claim = runs_.ClaimOf(id);
   (void)Stop(id, JobState::kFailed, [&](JobRecord& record) {
-    if (record.state != state) return absl::FailedPreconditionError("too late");
+    const bool is_own = record.claim == claim || state == JobState::kQueued;
+    if (record.state != state || !is_own) {
+      return absl::FailedPreconditionError("too late");
+    }
     record.error = JobErrorOf(error);
     return absl::OkStatus();
   });
@@ -344,7 +395,8 @@ bool JobScheduler::SetStuck(const std::string& id) {
   ++stuck_;
   ++unrecorded_;
   stuck_bytes_ += live->second->memory_estimate_bytes;
-  queue_.OnEnded(live->second->tenant);  // its other jobs need not wait for it
+  // Its other jobs need not wait for it.
+  if (!is_shared()) queue_.OnEnded(live->second->tenant);
   return true;
 }
 

@@ -16,6 +16,7 @@
 #include "server/jobs/job_lifecycle.h"
 #include "server/jobs/job_queue.h"
 #include "server/jobs/running_jobs.h"
+#include "server/jobs/shared_queue.h"
 #include "server/jobs/storage_gate.h"
 #include "server/storage/job_record.h"
 
@@ -27,6 +28,10 @@ enum class WaitReason {
   kStorage = 1,  ///< results cannot be stored for now
   kInputs = 2,   ///< its meshes or its request cannot be read for now
 };
+
+/// Returns how long a job is held that was so this often before: twice as long
+/// each time, up to half a minute.
+absl::Duration HoldAfter(int times_held);
 
 /// A job as it is now.
 struct JobSnapshot {
@@ -70,6 +75,9 @@ struct QueueRoom {
 /// there is no thread for another, or when all that waits is held up by a job
 /// that needs what the stuck ones have. Otherwise the others pass that job.
 ///
+/// With a store that others share, the queue is there: what waits is claimed
+/// when there is a worker slot for it, and `live_` has what runs here.
+///
 /// Thread-safe. The mutex is never held while the store, a watcher, the match
 /// or an executor is called.
 class JobScheduler {
@@ -86,9 +94,14 @@ class JobScheduler {
 
   JobLoad load() const;
   std::map<std::int32_t, int> queued_by_priority() const;
-  /// Time O(log tenants), whatever the jobs are.
+  /// Time O(log tenants), whatever the jobs are. Not of a store that others
+  /// share: see SharedRoomFor.
   QueueRoom RoomFor(const std::string& tenant) const;
+  /// The same of a store that others share; UNAVAILABLE.
+  absl::StatusOr<QueueRoom> SharedRoomFor(const std::string& tenant);
   JobSnapshot SnapshotOf(JobRecord record) const;
+  /// What one job may need at most.
+  std::int64_t LargestJobBytes() const;
   RunningJobs& runs() { return runs_; }
 
   // Starting.
@@ -122,7 +135,8 @@ class JobScheduler {
   /// Makes the job `to`, and stops or removes what is there of it.
   absl::Status Stop(const std::string& id, JobState to, const Edit& edit = {});
 
-  /// Makes the job FAILED if it is in this state.
+  /// Makes the job FAILED if it is in this state; in a store that others share,
+  /// and RUNNING, only while it is this process's.
   void FailIfStill(JobState state, const std::string& id,
                    const absl::Status& error);
 
@@ -162,6 +176,7 @@ class JobScheduler {
   void PushLocked(const std::shared_ptr<LiveJob>& live)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   std::shared_ptr<LiveJob> TakeNext();
+  std::shared_ptr<LiveJob> ClaimNext();
   /// A job waits for memory that only a new process will have.
   bool IsHeldUpByStuck() const;
   std::shared_ptr<LiveJob> FindLive(const std::string& id) const;
@@ -176,6 +191,11 @@ class JobScheduler {
   Executor::Timer HoldTimer(const std::shared_ptr<LiveJob>& live,
                             int times_held);
 
+  bool is_shared() const { return environment_.shared != nullptr; }
+  bool has_free_worker() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+    return running_ - stuck_ < environment_.limits.workers &&
+           running_ < threads_;
+  }
   bool is_idle() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
     return running_ - stuck_ <= 0 && unrecorded_ == 0;
   }
@@ -186,6 +206,7 @@ class JobScheduler {
   const std::function<void(const std::shared_ptr<LiveJob>&)> run_;
   StorageGate gate_;
   RunningJobs runs_;
+  mutable SharedQueue shared_queue_;
 
   mutable Mutex mutex_;
   CondVar idle_;

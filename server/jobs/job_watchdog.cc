@@ -125,7 +125,10 @@ void JobWatchdog::OnNoAnswer(const std::string& id) {
 absl::StatusOr<JobRecord> JobWatchdog::RecordNoAnswer(const std::string& id) {
   const JobLimits& limits = environment_.limits;
   const bool is_last = scheduler_.load().draining;
-  const bool has_next = limits.durable && (is_last || environment_.on_give_up);
+  const bool has_next =
+      environment_.shared != nullptr ||
+      (limits.durable && (is_last || environment_.on_give_up));
+  const std::uint64_t claim = scheduler_.runs().ClaimOf(id);
   ISOMATCH_ASSIGN_OR_RETURN(const JobRecord record, lifecycle_.Read(id));
   const int faults = record.faults + 1;
   const auto mark = [&](JobRecord& now) {
@@ -137,6 +140,9 @@ absl::StatusOr<JobRecord> JobWatchdog::RecordNoAnswer(const std::string& id) {
     auto moved =
         lifecycle_.Move(id, runs_again ? JobState::kQueued : JobState::kFailed,
                         [&](JobRecord& now) {
+                          if (now.claim != claim) {
+                            return absl::FailedPreconditionError("too late");
+                          }
                           mark(now);
                           if (!runs_again)
                             now.error = JobErrorOf(Unresponsive(faults));

@@ -14,11 +14,35 @@ void RunningJobs::SetAttempt(const std::string& id, std::int32_t attempt) {
   if (found != entries_.end()) found->second.attempt = attempt;
 }
 
-void RunningJobs::OnProgress(const std::string& id) {
+void RunningJobs::SetClaim(const std::string& id, std::uint64_t claim) {
+  MutexLock lock(mutex_);
+  const auto found = entries_.find(id);
+  if (found != entries_.end()) found->second.claim = claim;
+}
+
+void RunningJobs::OnProgress(const std::string& id,
+                             const JobProgress& progress) {
   const absl::Duration now = clock_();
   MutexLock lock(mutex_);
   const auto found = entries_.find(id);
-  if (found != entries_.end()) found->second.heard = now;
+  if (found == entries_.end()) return;
+  found->second.heard = now;
+  found->second.progress = progress;
+}
+
+std::vector<LeasedJob> RunningJobs::Leased() const {
+  std::vector<LeasedJob> leased;
+  MutexLock lock(mutex_);
+  for (const auto& [id, entry] : entries_) {
+    if (entry.claim != 0) leased.push_back({id, entry.claim, entry.progress});
+  }
+  return leased;
+}
+
+std::uint64_t RunningJobs::ClaimOf(const std::string& id) const {
+  MutexLock lock(mutex_);
+  const auto found = entries_.find(id);
+  return found == entries_.end() ? 0 : found->second.claim;
 }
 
 void RunningJobs::OnAskedToStop(const std::string& id, ResidentBytes resident) {

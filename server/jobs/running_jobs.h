@@ -11,6 +11,7 @@
 #include "absl/time/time.h"
 #include "core/base/mutex.h"
 #include "server/storage/process_trace.h"
+#include "server/storage/shared_job_store.h"
 
 namespace isomatch {
 
@@ -25,7 +26,14 @@ class RunningJobs {
   /// `resident_bytes`: of the process when the job began.
   void Begin(const std::string& id, std::int64_t resident_bytes);
   void SetAttempt(const std::string& id, std::int32_t attempt);
-  void OnProgress(const std::string& id);
+  /// The job's lease on a SharedJobStore.
+  void SetClaim(const std::string& id, std::uint64_t claim);
+  void OnProgress(const std::string& id, const JobProgress& progress);
+
+  /// Returns the jobs that have a claim, and how far they are.
+  std::vector<LeasedJob> Leased() const;
+  /// Returns the job's claim; 0 for none.
+  std::uint64_t ClaimOf(const std::string& id) const;
 
   /// Why a job was asked to stop, when that was for memory: what was resident
   /// then.
@@ -58,6 +66,8 @@ class RunningJobs {
  private:
   struct Entry {
     std::int32_t attempt = 0;
+    std::uint64_t claim = 0;
+    JobProgress progress = {};
     absl::Duration heard = absl::ZeroDuration();
     std::int64_t resident_at_begin = 0;
     std::optional<absl::Duration> asked = {};

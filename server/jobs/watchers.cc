@@ -50,6 +50,13 @@ int Watchers::size() const {
   return static_cast<int>(count);
 }
 
+std::vector<std::string> Watchers::Ids() const {
+  std::vector<std::string> ids;
+  MutexLock lock(mutex_);
+  for (const auto& [id, entries] : watchers_) ids.push_back(id);
+  return ids;
+}
+
 std::vector<std::shared_ptr<JobWatcher>> Watchers::Of(const std::string& id) {
   std::vector<std::shared_ptr<JobWatcher>> alive;
   MutexLock lock(mutex_);

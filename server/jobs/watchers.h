@@ -42,6 +42,9 @@ class Watchers {
   /// Returns how many watchers there are, of all jobs.
   int size() const;
 
+  /// Returns the jobs that somebody watches.
+  std::vector<std::string> Ids() const;
+
   /// True while somebody watches the job.
   bool IsWatched(const std::string& id) const;
 

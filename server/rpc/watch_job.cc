@@ -21,10 +21,13 @@ namespace {
 
 /// One watcher of one job.
 ///
-///   1. Begin: registers with the manager, sets the heartbeat, pumps once.
+///   1. Begin: registers with the manager, sets the heartbeat, and writes the
+///      newest snapshot, news or not: who was cut off learns that the server is
+///      there.
 ///   2. OnJobChanged or the heartbeat: pumps. If a write is under way only a
 ///      flag is set, so that a slow reader costs one message and no queue.
-///   3. Pump: reads the newest snapshot and writes it if it is news.
+///   3. Pump: reads the newest snapshot, if the store answers, and writes it if
+///      it is news.
 ///   4. OnWriteDone: pumps again if the flag is set; after a terminal snapshot
 ///      finishes with OK.
 ///   5. OnCancel: finishes with CANCELLED, after the write that is under way.
@@ -50,7 +53,7 @@ class WatchJobReactor final
     self_ = shared_from_this();
     context_.manager->watchers().Add(id_, self_);
     SetHeartbeat();
-    Pump(/*heartbeat=*/false);
+    Pump(/*heartbeat=*/true);
   }
 
   void OnJobChanged() override { Pump(/*heartbeat=*/false); }
@@ -102,6 +105,8 @@ class WatchJobReactor final
 
   void Pump(bool heartbeat) {
     const auto snapshot = context_.manager->Get(caller_, id_);
+    // The store does not answer: it will, and the next change comes.
+    if (absl::IsUnavailable(snapshot.status())) return;
     if (!snapshot.ok()) return FinishOnce(ToGrpc(snapshot.status()));
     v1::WatchJobResponse message;
     v1::Job& job = *message.mutable_job();

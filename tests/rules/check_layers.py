@@ -40,8 +40,8 @@ ALLOWED = {layer: used.split() for layer, used in {
     "server/config": "core/base server/machine server/jobs server/convert"
                      " server/rpc/security server/rpc",
     "server": "core/base core/pipeline server/logging server/metrics server/machine"
-              " server/storage server/engine server/jobs server/convert server/rpc/security"
-              " server/rpc server/config",
+              " server/storage server/postgres server/engine server/jobs server/convert"
+              " server/rpc/security server/rpc server/config",
     "client/picture": "core/mesh",
     "client/files": "core/base core/mesh core/io client/picture",
     "client/api": "proto core/base core/mesh core/io",

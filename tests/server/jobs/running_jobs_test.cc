@@ -43,7 +43,7 @@ TEST_F(RunningJobsTest, TracesTellAllThatIsKnown) {
   runs_.SetAttempt("a", 3);
   runs_.OnAskedToStop("a");
   now_ += absl::Seconds(2);
-  runs_.OnProgress("a");
+  runs_.OnProgress("a", {});
   now_ += absl::Seconds(1);
   runs_.SetStuck("a");
   const std::vector<JobTrace> traces = runs_.Traces();

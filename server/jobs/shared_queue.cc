@@ -1,0 +1,120 @@
+#include "server/jobs/shared_queue.h"
+
+#include <algorithm>
+#include <optional>
+#include <utility>
+#include <vector>
+
+namespace isomatch {
+namespace {
+
+/// How old an answer may be.
+constexpr absl::Duration kRecent = absl::Seconds(1);
+
+/// How long a worker that says nothing counts as one.
+constexpr absl::Duration kWorkerAge = absl::Seconds(30);
+
+}  // namespace
+
+template <typename Value, typename Ask>
+Value SharedQueue::Refresh(Recent<Value>& recent, const Ask& ask) {
+  const absl::Duration now = environment_.uptime();
+  {
+    MutexLock lock(mutex_);
+    if (now - recent.asked < kRecent) return recent.value;
+    recent.asked = now;  // others need not ask meanwhile
+  }
+  absl::StatusOr<Value> answer = ask();
+  MutexLock lock(mutex_);
+  if (answer.ok()) recent.value = *std::move(answer);
+  return recent.value;
+}
+
+std::shared_ptr<LiveJob> SharedQueue::Claim() {
+  {
+    MutexLock lock(mutex_);
+    is_asked_again_ = true;
+    if (is_claiming_) return nullptr;
+    is_claiming_ = true;
+  }
+  std::shared_ptr<LiveJob> live;
+  while (true) {
+    {
+      MutexLock lock(mutex_);
+      if (live != nullptr || !is_asked_again_) {
+        is_claiming_ = false;
+        return live;
+      }
+      is_asked_again_ = false;
+    }
+    live = ClaimOne();
+  }
+}
+
+std::shared_ptr<LiveJob> SharedQueue::ClaimOne() {
+  MemoryBudget& budget = *environment_.budget;
+  ClaimRequest request;
+  request.worker = environment_.process;
+  request.free_bytes = budget.total_bytes() - budget.reserved_bytes();
+  request.total_bytes = budget.total_bytes();
+  request.lease = environment_.lease;
+  request.max_running_per_tenant = environment_.limits.tenant.running_jobs;
+  request.max_passes = environment_.limits.max_passes;
+  request.max_overtakes = JobQueue::kMaxOvertakes;
+  request.alone_after = kAloneAfter;
+  auto claimed = environment_.shared->Claim(request);
+  if (!claimed.ok() || !*claimed) return nullptr;
+  JobRecord& record = **claimed;
+  auto live = std::make_shared<LiveJob>();
+  live->id = record.id;
+  live->tenant = record.tenant;
+  live->priority = record.priority;
+  live->shared_priority = record.shared_priority;
+  // This attempt is counted already.
+  live->memory_estimate_bytes = record.attempt <= kAloneAfter
+                                    ? record.memory_estimate_bytes
+                                    : request.total_bytes;
+  // Only this thread takes any: it is there.
+  auto reservation = budget.Reserve(live->memory_estimate_bytes);
+  if (reservation.ok()) live->reservation = *std::move(reservation);
+  live->claimed = std::move(record);
+  return live;
+}
+
+int SharedQueue::PositionOf(const std::string& id) {
+  const Positions positions =
+      Refresh(positions_, [&]() -> absl::StatusOr<Positions> {
+        const auto order = environment_.shared->InOrder();
+        if (!order.ok()) return order.status();
+        auto found = std::make_shared<std::unordered_map<std::string, int>>();
+        for (const std::string& next : *order) {
+          found->emplace(next, static_cast<int>(found->size()));
+        }
+        return Positions(std::move(found));
+      });
+  if (positions == nullptr) return 0;
+  const auto found = positions->find(id);
+  // One that has come since then is the last.
+  return found == positions->end() ? static_cast<int>(positions->size())
+                                   : found->second;
+}
+
+QueueCounts SharedQueue::Counts() {
+  return Refresh(counts_, [&] { return environment_.shared->Count(); });
+}
+
+std::int64_t SharedQueue::LargestWorkerBytes() {
+  const std::int64_t known =
+      Refresh(largest_bytes_, [&]() -> absl::StatusOr<std::int64_t> {
+        const auto workers = environment_.shared->Workers(kWorkerAge);
+        if (!workers.ok()) return workers.status();
+        std::int64_t most = 0;
+        for (const WorkerEntry& worker : *workers) {
+          most = std::max(most, worker.memory_bytes);
+        }
+        return most;
+      });
+  return known > 0 ? known : environment_.budget->total_bytes();
+}
+
+}  // namespace isomatch

@@ -1,0 +1,72 @@
+#include "server/shared_stores.h"
+
+#include <memory>
+#include <string>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
+#include "server/postgres/migrations.h"
+#include "server/postgres/postgres_blob_store.h"
+#include "server/postgres/postgres_job_store.h"
+#include "server/postgres/postgres_pool.h"
+#include "server/storage/files.h"
+
+namespace isomatch {
+namespace {
+
+/// Of downloads that several clients ask for.
+constexpr std::int64_t kBlobCacheBytes = std::int64_t{64} << 20;
+
+/// Threads that ask the database at the same time: those of intake, changes,
+/// disk and cluster, the workers, and a few of gRPC.
+int Connections(const ServerConfig& config) {
+  constexpr int kOthers = 12;
+  return kOthers + (config.runs_jobs() ? config.workers : 0);
+}
+
+absl::StatusOr<std::unique_ptr<PostgresPool>> OpenPool(
+    const ServerConfig& config) {
+  PostgresPool::Options options = {.url = config.store,
+                                   .connections = Connections(config)};
+  if (!config.store_password_file.empty()) {
+    constexpr std::int64_t kMostBytes = 4096;
+    auto password = ReadWholeFile(config.store_password_file, kMostBytes);
+    if (!password.ok()) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("--store-password-file = ", config.store_password_file,
+                       ": ", password.status().message()));
+    }
+    options.password = password->substr(0, password->find('\n'));
+  }
+  return PostgresPool::Open(std::move(options));
+}
+
+}  // namespace
+
+absl::StatusOr<Stores> OpenAnyStores(const ServerConfig& config) {
+  if (!config.is_shared()) return OpenStores(config);
+  ISOMATCH_ASSIGN_OR_RETURN(std::shared_ptr<PostgresPool> pool,
+                            OpenPool(config));
+  ISOMATCH_RETURN_IF_ERROR(CheckSchema(*pool));
+  Stores stores;
+  auto jobs = std::make_unique<PostgresJobStore>(
+      pool.get(),
+      PostgresJobStore::Options{.unwatched_grace = config.unwatched_grace});
+  stores.shared = jobs.get();
+  stores.jobs = std::move(jobs);
+  stores.blobs = std::make_unique<PostgresBlobStore>(
+      pool.get(),
+      PostgresBlobStore::Options{.capacity_bytes = config.blob_store_bytes,
+                                 .cache_bytes = kBlobCacheBytes});
+  stores.database = std::move(pool);
+  return stores;
+}
+
+absl::Status MigrateStore(const ServerConfig& config) {
+  ISOMATCH_ASSIGN_OR_RETURN(const std::unique_ptr<PostgresPool> pool,
+                            OpenPool(config));
+  return Migrate(*pool);
+}
+
+}  // namespace isomatch
