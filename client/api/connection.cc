@@ -11,6 +11,7 @@
 
 #include "absl/algorithm/container.h"
 #include "absl/strings/ascii.h"
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 
 namespace isomatch {
@@ -79,20 +80,28 @@ bool IsApiKeyText(const std::string& text) {
 
 std::shared_ptr<grpc::Channel> ConnectTo(const std::string& address,
                                          const ConnectionSecurity& security) {
+  const bool are_several = absl::StrContains(address, ",");
+  const std::string target =
+      are_several ? absl::StrCat("ipv4:", address) : address;
+  grpc::ChannelArguments arguments = MakeArguments();
+  if (are_several) {  // else it is asked for by the name of the whole list
+    arguments.SetString(GRPC_ARG_DEFAULT_AUTHORITY,
+                        address.substr(0, address.find(',')));
+  }
   const auto credentials =
       security.ca_pem.empty()
           ? grpc::InsecureChannelCredentials()
           : grpc::SslCredentials(
                 {security.ca_pem, security.key_pem, security.certificate_pem});
   if (security.api_key.empty()) {
-    return grpc::CreateCustomChannel(address, credentials, MakeArguments());
+    return grpc::CreateCustomChannel(target, credentials, arguments);
   }
   assert(IsApiKeyText(security.api_key));
   std::vector<std::unique_ptr<ClientInterceptorFactoryInterface>> interceptors;
   interceptors.push_back(
       std::make_unique<ApiKeyInterceptorFactory>(security.api_key));
   return grpc::experimental::CreateCustomChannelWithInterceptors(
-      address, credentials, MakeArguments(), std::move(interceptors));
+      target, credentials, arguments, std::move(interceptors));
 }
 
 }  // namespace isomatch

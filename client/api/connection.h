@@ -25,9 +25,11 @@ struct ConnectionSecurity {
 /// characters.
 bool IsApiKeyText(const std::string& text);
 
-/// Returns a channel to HOST:PORT or unix:PATH. It notices within 40 s that a
-/// peer is gone which sent no farewell. With `security.ca_pem` the server's
-/// certificate must be for HOST and TLS is 1.2 or later.
+/// Returns a channel to HOST:PORT, unix:PATH or IP:PORT,IP:PORT,...: the first
+/// of several that answers, and another when it does not any more. It notices
+/// within 40 s that a peer is gone which sent no farewell. With
+/// `security.ca_pem` the server's certificate must be for HOST and TLS is 1.2
+/// or later.
 std::shared_ptr<grpc::Channel> ConnectTo(
     const std::string& address, const ConnectionSecurity& security = {});
 

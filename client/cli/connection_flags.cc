@@ -21,8 +21,25 @@ namespace {
 constexpr char kEnvironmentKey[] = "ISOMATCH_API_KEY";
 
 // What CLI11 tells the user about a --server that is none; empty when it is.
+std::string CheckAddress(const std::string& address);
+
+// The same of several addresses, of which the first that answers is taken.
+std::string CheckAddresses(const std::string& addresses) {
+  for (const absl::string_view part : absl::StrSplit(addresses, ',')) {
+    const std::optional<HostPort> parts = ParseHostPort(std::string(part));
+    const bool is_ipv4 = parts && parts->host.find_first_not_of(
+                                      "0123456789.") == std::string::npos;
+    if (is_ipv4 && parts->port > 0) continue;
+    return absl::StrCat("'", part, "' of '", addresses,
+                        "', expected IP:PORT where there are several; a name "
+                        "may stand for several machines by itself");
+  }
+  return "";
+}
+
 std::string CheckAddress(const std::string& address) {
   if (absl::StartsWith(address, "unix:")) return "";
+  if (absl::StrContains(address, ",")) return CheckAddresses(address);
   const std::size_t scheme = address.find("://");
   if (scheme != std::string::npos) {
     return absl::StrCat("'", address, "', expected HOST:PORT without ",
@@ -81,12 +98,15 @@ absl::StatusOr<std::string> ChooseKey(const ConnectionFlags& flags,
 void AddConnectionFlags(CLI::App* command, ConnectionFlags* flags,
                         ServerUse use) {
   if (use == ServerUse::kNeeded) flags->server = kDefaultServer;
-  CLI::Option* server = command
-                            ->add_option("--server", flags->server,
-                                         "Address of a running isomatch-server")
-                            ->envname("ISOMATCH_SERVER")
-                            ->check(CLI::Validator(CheckAddress, ""))
-                            ->type_name("HOST:PORT");
+  CLI::Option* server =
+      command
+          ->add_option("--server", flags->server,
+                       "Address of a running isomatch-server, "
+                       "or of several that share their jobs: "
+                       "IP:PORT,IP:PORT,...")
+          ->envname("ISOMATCH_SERVER")
+          ->check(CLI::Validator(CheckAddress, ""))
+          ->type_name("HOST:PORT");
   CLI::Option* ca =
       command
           ->add_option("--tls-ca", flags->tls_ca,
