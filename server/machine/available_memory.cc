@@ -3,11 +3,9 @@
 #include <algorithm>
 #include <fstream>
 #include <limits>
-#include <vector>
 
 #include "absl/strings/numbers.h"
-#include "absl/strings/str_cat.h"
-#include "absl/strings/str_split.h"
+#include "server/machine/cgroup.h"
 #include "server/machine/proc_file.h"
 
 namespace isomatch {
@@ -23,37 +21,12 @@ std::int64_t ReadLimit(const std::string& path) {
   return absl::SimpleAtoi(word, &limit) ? limit : kNoLimit;
 }
 
-/// The smallest of `file` in the cgroup `group` below `mount` and in all of its
-/// ancestors. In a container the group's own path may not be visible; the
-/// mount's root then stands for it.
-std::int64_t SmallestOfAncestors(const std::string& mount, std::string group,
-                                 const std::string& file) {
-  std::int64_t smallest = kNoLimit;
-  while (true) {
-    smallest = std::min(smallest, ReadLimit(absl::StrCat(mount, group, file)));
-    if (group.empty() || group == "/") return smallest;
-    group.resize(group.rfind('/'));
-  }
-}
-
-/// Lines of /proc/self/cgroup are "number:controllers:path".
 std::int64_t CgroupBytes(const std::string& root) {
   std::int64_t smallest = kNoLimit;
-  std::ifstream groups(root + "/proc/self/cgroup");
-  for (std::string line; std::getline(groups, line);) {
-    const std::vector<std::string> parts =
-        absl::StrSplit(line, absl::MaxSplits(':', 2));
-    if (parts.size() != 3) continue;
-    if (parts[1].empty()) {
-      smallest =
-          std::min(smallest, SmallestOfAncestors(root + "/sys/fs/cgroup",
-                                                 parts[2], "/memory.max"));
-    } else if (parts[1] == "memory") {
-      smallest = std::min(
-          smallest, SmallestOfAncestors(root + "/sys/fs/cgroup/memory",
-                                        parts[2], "/memory.limit_in_bytes"));
-    }
-  }
+  ForEachCgroup(root, "memory", [&](const std::string& folder, bool is_v2) {
+    const char* const file = is_v2 ? "/memory.max" : "/memory.limit_in_bytes";
+    smallest = std::min(smallest, ReadLimit(folder + file));
+  });
   return smallest;
 }
 

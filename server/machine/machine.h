@@ -8,7 +8,7 @@ namespace isomatch {
 struct Machine {
   /// See AvailableMemoryBytes.
   std::int64_t memory_bytes = 0;
-  /// At least 1.
+  /// See AvailableCores.
   int cores = 1;
   /// See FileLimit.
   std::int64_t files = 0;
