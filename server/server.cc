@@ -59,6 +59,12 @@ constexpr int kClusterThreads = 3;
 /// One more than a tenant may use.
 constexpr int kDiskThreads = 2;
 
+/// Threads that read jobs of a database, of which a tenant may use all but one.
+constexpr int kReadThreads = 8;
+constexpr TenantTurns::Limits kReadsOfTenant = {
+    .max_running_per_tenant = kReadThreads - 1,
+    .max_waiting_per_tenant = std::numeric_limits<int>::max()};
+
 /// Any number of a tenant's calls may wait for the disk: each takes little.
 constexpr TenantTurns::Limits kAnyNumber = {
     .max_waiting_per_tenant = std::numeric_limits<int>::max()};
@@ -174,8 +180,10 @@ class Server::Impl {
   std::unique_ptr<ThreadPool> disk_;
   TenantTurns disk_turns_;
   std::unique_ptr<ThreadPool> watch_;
-  /// Null without a store that others share.
+  // Null without a store that others share.
   std::unique_ptr<ThreadPool> cluster_;
+  std::unique_ptr<ThreadPool> reads_;
+  TenantTurns read_turns_;
   PartialUploads partial_uploads_;
   JobManager manager_;
   const ServiceContext context_;
@@ -223,6 +231,10 @@ Server::Impl::Impl(const ServerConfig& config, MatchEngine engine,
       cluster_(stores_.shared == nullptr
                    ? nullptr
                    : std::make_unique<ThreadPool>(kClusterThreads)),
+      reads_(stores_.shared == nullptr
+                 ? nullptr
+                 : std::make_unique<ThreadPool>(kReadThreads)),
+      read_turns_(kReadsOfTenant, reads_.get()),
       partial_uploads_(&uploads_, timers_.get(), config.partial_upload_kept),
       manager_(MakeJobEnvironment()),
       context_(MakeContext()),
@@ -234,6 +246,7 @@ Server::Impl::~Impl() {
   partial_uploads_.Clear();
   intake_.reset();
   changes_.reset();
+  reads_.reset();
   disk_.reset();
   upkeep_.reset();
   watch_.reset();
@@ -357,6 +370,7 @@ ServiceContext Server::Impl::MakeContext() {
   context.uploads = &upload_calls_;
   context.intake = &intake_turns_;
   context.changes = &change_turns_;
+  if (reads_ != nullptr) context.reads = &read_turns_;
   context.disk = &disk_turns_;
   context.downloads = &downloads_;
   context.metrics = &metrics_;

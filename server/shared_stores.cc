@@ -19,9 +19,9 @@ namespace {
 constexpr std::int64_t kBlobCacheBytes = std::int64_t{64} << 20;
 
 /// Threads that ask the database at the same time: those of intake, changes,
-/// disk and cluster, the workers, and a few of gRPC.
+/// disk, cluster and reads, and the workers.
 int Connections(const ServerConfig& config) {
-  constexpr int kOthers = 12;
+  constexpr int kOthers = 16;
   return kOthers + (config.runs_jobs() ? config.workers : 0);
 }
 

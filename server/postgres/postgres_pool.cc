@@ -6,6 +6,7 @@
 #include <exception>
 #include <utility>
 
+#include "absl/cleanup/cleanup.h"
 #include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
@@ -121,10 +122,43 @@ absl::StatusOr<PostgresPool::Connection> PostgresPool::Take() {
     }
   }
   ++in_use_;
+  const absl::Status up = WaitForProbe();
+  if (!up.ok()) {
+    --in_use_;
+    return up;
+  }
   if (idle_.empty()) return nullptr;
   Connection connection = std::move(idle_.back());
   idle_.pop_back();
   return connection;
+}
+
+PostgresPool::Connection PostgresPool::Connect() {
+  bool has_connected = false;
+  const auto ended = absl::MakeCleanup([&] { EndProbe(has_connected); });
+  auto connection =
+      std::make_unique<pqxx::connection>(ConnectionText(options_));
+  has_connected = true;
+  return connection;
+}
+
+absl::Status PostgresPool::WaitForProbe() {
+  const auto deadline =
+      std::chrono::steady_clock::now() + std::chrono::seconds(1);
+  while (is_down_ && is_probing_ && idle_.empty()) {
+    if (!returned_.WaitUntil(mutex_, deadline)) break;
+  }
+  if (!is_down_ || !idle_.empty()) return absl::OkStatus();
+  if (is_probing_) return absl::UnavailableError("database: does not answer");
+  is_probing_ = true;
+  return absl::OkStatus();
+}
+
+void PostgresPool::EndProbe(bool has_connected) {
+  MutexLock lock(mutex_);
+  is_down_ = !has_connected;
+  is_probing_ = false;
+  returned_.NotifyAll();
 }
 
 void PostgresPool::GiveBack(Connection connection) {
@@ -184,9 +218,7 @@ absl::Status PostgresPool::TryOnce(const Attempt& attempt, bool* is_broken) {
         absl::StrCat("database: ", FirstLine(error.what())));
   };
   try {
-    if (!is_old)
-      lease.connection() =
-          std::make_unique<pqxx::connection>(ConnectionText(options_));
+    if (!is_old) lease.connection() = Connect();
     return attempt(*lease.connection(), &is_done);
   } catch (const pqxx::broken_connection& error) {
     return unavailable(error);

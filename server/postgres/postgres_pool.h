@@ -86,7 +86,8 @@ class PostgresPool {
   explicit PostgresPool(Options options) : options_(std::move(options)) {}
 
   using Connection = std::unique_ptr<pqxx::connection>;
-  /// A connection that nobody uses, or null for a place that has none yet.
+  /// A connection that nobody uses, or null for a place that has none yet: then
+  /// Connect has to follow.
   absl::StatusOr<Connection> Take();
   void GiveBack(Connection connection);
   void ForgetIdle();
@@ -98,11 +99,20 @@ class PostgresPool {
   /// `is_broken`: it was not done, and the connection was not new.
   absl::Status TryOnce(const Attempt& attempt, bool* is_broken);
 
+  /// While no connection can be made: one caller at a time tries, the others
+  /// wait for what it finds, for a second at most.
+  absl::Status WaitForProbe() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void EndProbe(bool has_connected);
+  Connection Connect();
+
   const Options options_;
   Mutex mutex_;
   CondVar returned_;
   std::vector<Connection> idle_ ABSL_GUARDED_BY(mutex_);
   int in_use_ ABSL_GUARDED_BY(mutex_) = 0;
+  /// The last attempt to connect failed; somebody tries again.
+  bool is_down_ ABSL_GUARDED_BY(mutex_) = false;
+  bool is_probing_ ABSL_GUARDED_BY(mutex_) = false;
 };
 
 }  // namespace isomatch

@@ -200,30 +200,39 @@ absl::StatusOr<Caller> CorrespondenceService::Read(
 template <typename Request, typename Response>
 grpc::ServerUnaryReactor* CorrespondenceService::Respond(
     Context* call, const Admitted& admitted, const Bytes* raw, Bytes* response,
-    absl::Status (*answer)(const ServiceContext&, const Caller&, const Request&,
-                           Response&)) {
+    Answer<Request, Response> answer) {
   Request request;
   const auto caller = Read(*call, admitted, raw, request);
   if (!caller.ok()) return Finish(call, caller.status());
+  if (context_.reads != nullptr) {
+    return Post(*context_.reads, {call, *caller}, request, response, answer);
+  }
   return Finish(call, Serialized(answer, context_, *caller, request, response));
 }
 
 template <typename Request, typename Response>
 grpc::ServerUnaryReactor* CorrespondenceService::RespondInTurn(
     Context* call, const Admitted& admitted, const Bytes* raw, Bytes* response,
-    absl::Status (*answer)(const ServiceContext&, const Caller&, const Request&,
-                           Response&)) {
+    Answer<Request, Response> answer) {
   Request request;
   const auto caller = Read(*call, admitted, raw, request);
   if (!caller.ok()) return Finish(call, caller.status());
-  Unary* const reactor = call->DefaultReactor();
-  auto task = [this, caller = *caller, request, answer, response, reactor] {
+  return Post(*context_.changes, {call, *caller}, request, response, answer);
+}
+
+template <typename Request, typename Response>
+grpc::ServerUnaryReactor* CorrespondenceService::Post(
+    TenantTurns& turns, const Asked& asked, const Request& request,
+    Bytes* response, Answer<Request, Response> answer) {
+  Unary* const reactor = asked.call->DefaultReactor();
+  auto task = [this, caller = asked.caller, request, answer, response,
+               reactor] {
     reactor->Finish(ToGrpc(WithinMemory([&] {
       return Serialized(answer, context_, caller, request, response);
     })));
   };
   const absl::Status posted = WithinMemory([&] {
-    context_.changes->Post(caller->tenant, std::move(task));
+    turns.Post(asked.caller.tenant, std::move(task));
     return absl::OkStatus();
   });
   if (!posted.ok()) reactor->Finish(ToGrpc(posted));

@@ -70,21 +70,32 @@ class CorrespondenceService final : public RawMethods {
                               const Bytes* raw,
                               google::protobuf::Message& request) const;
 
-  /// Ends the call with what `answer`, a function of ServiceContext, Caller,
-  /// Request and Response, returns and fills in.
+  /// What answers a call: fills in its response.
+  template <typename Request, typename Response>
+  using Answer = absl::Status (*)(const ServiceContext&, const Caller&,
+                                  const Request&, Response&);
+
+  /// Ends the call with what `answer` returns.
   template <typename Request, typename Response>
   Unary* Respond(Context* call, const Admitted& admitted, const Bytes* raw,
-                 Bytes* response,
-                 absl::Status (*answer)(const ServiceContext&, const Caller&,
-                                        const Request&, Response&));
+                 Bytes* response, Answer<Request, Response> answer);
 
-  /// The same when it is the tenant's turn, for what changes a job.
+  /// The same for what changes a job, when it is the tenant's turn.
   template <typename Request, typename Response>
   Unary* RespondInTurn(Context* call, const Admitted& admitted,
                        const Bytes* raw, Bytes* response,
-                       absl::Status (*answer)(const ServiceContext&,
-                                              const Caller&, const Request&,
-                                              Response&));
+                       Answer<Request, Response> answer);
+
+  /// A call, and who calls.
+  struct Asked {
+    Context* call;
+    const Caller& caller;
+  };
+
+  /// Has `turns` end the call.
+  template <typename Request, typename Response>
+  Unary* Post(TenantTurns& turns, const Asked& asked, const Request& request,
+              Bytes* response, Answer<Request, Response> answer);
 
   const ServiceContext context_;
 };

@@ -37,6 +37,8 @@ struct ServiceContext {
   /// Writes jobs that are cancelled or deleted to disk, which gRPC's threads do
   /// not wait for.
   TenantTurns* changes;
+  /// Reads jobs where they are in a database; null where they are in memory.
+  TenantTurns* reads = nullptr;
   /// The same of meshes and results, which are larger: writes and reads them.
   TenantTurns* disk;
   Metrics* metrics = &NullMetrics();

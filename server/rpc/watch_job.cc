@@ -12,6 +12,7 @@
 #include "server/convert/job_name.h"
 #include "server/convert/job_proto.h"
 #include "server/jobs/errors.h"
+#include "server/jobs/within_memory.h"
 #include "server/rpc/grpc_status.h"
 #include "server/rpc/raw_message.h"
 #include "server/rpc/refused.h"
@@ -53,10 +54,10 @@ class WatchJobReactor final
     self_ = shared_from_this();
     context_.manager->watchers().Add(id_, self_);
     SetHeartbeat();
-    Pump(/*heartbeat=*/true);
+    PumpSoon(/*heartbeat=*/true);
   }
 
-  void OnJobChanged() override { Pump(/*heartbeat=*/false); }
+  void OnJobChanged() override { PumpSoon(/*heartbeat=*/false); }
 
   void OnWriteDone(bool ok) override {
     bool again = false;
@@ -69,7 +70,7 @@ class WatchJobReactor final
       if (ok && wrote_terminal_) end = grpc::Status::OK;
     }
     if (end) return FinishOnce(*end);
-    if (again) Pump(/*heartbeat=*/false);
+    if (again) PumpSoon(/*heartbeat=*/false);
   }
 
   void OnCancel() override {
@@ -97,10 +98,35 @@ class WatchJobReactor final
   }
 
   void Beat() {
-    Pump(/*heartbeat=*/true);
+    PumpSoon(/*heartbeat=*/true);
     // Under the lock, so that OnDone's Cancel comes after it.
     MutexLock lock(mutex_);
     if (!finished_) SetHeartbeat();
+  }
+
+  /// Pumps in another thread where jobs are in a database; once for all who ask
+  /// before that.
+  void PumpSoon(bool heartbeat) {
+    if (context_.reads == nullptr) return Pump(heartbeat);
+    {
+      MutexLock lock(mutex_);
+      is_beat_asked_ = is_beat_asked_ || heartbeat;
+      if (std::exchange(is_pump_posted_, true)) return;
+    }
+    const bool posted = IfThereIsMemory([&] {
+      context_.reads->Post(caller_.tenant, [self = shared_from_this()] {
+        bool beat = false;
+        {
+          MutexLock lock(self->mutex_);
+          self->is_pump_posted_ = false;
+          beat = std::exchange(self->is_beat_asked_, false);
+        }
+        self->Pump(beat);
+      });
+    });
+    if (posted) return;
+    MutexLock lock(mutex_);
+    is_pump_posted_ = false;  // the next heartbeat tries again
   }
 
   void Pump(bool heartbeat) {
@@ -166,6 +192,9 @@ class WatchJobReactor final
   bool wrote_terminal_ ABSL_GUARDED_BY(mutex_) = false;
   bool cancelled_ ABSL_GUARDED_BY(mutex_) = false;
   bool finished_ ABSL_GUARDED_BY(mutex_) = false;
+  /// A Pump waits for its turn; as a heartbeat.
+  bool is_pump_posted_ ABSL_GUARDED_BY(mutex_) = false;
+  bool is_beat_asked_ ABSL_GUARDED_BY(mutex_) = false;
   grpc::ByteBuffer response_;
 };
 
@@ -175,8 +204,11 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* StartWatchJob(
     const ServiceContext& context, const Caller& caller,
     const v1::WatchJobRequest& request) {
   const auto id = ParseJobName(request.name());
-  const absl::Status known =
-      id.ok() ? context.manager->Get(caller, *id).status() : id.status();
+  absl::Status known = id.status();
+  // In a database it is looked for by the first Pump.
+  if (id.ok() && context.reads == nullptr) {
+    known = context.manager->Get(caller, *id).status();
+  }
   if (!known.ok()) {
     return new Refused<grpc::ServerWriteReactor<grpc::ByteBuffer>>(known);
   }
