@@ -1,6 +1,7 @@
 #include "server/jobs/shared_queue.h"
 
 #include <algorithm>
+#include <cstddef>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -10,6 +11,9 @@ namespace {
 
 /// How old an answer may be.
 constexpr absl::Duration kRecent = absl::Seconds(1);
+
+/// Inputs that are remembered; each job has a request and two meshes.
+constexpr std::size_t kMostMeshes = 64;
 
 /// How long a worker that says nothing counts as one.
 constexpr absl::Duration kWorkerAge = absl::Seconds(30);
@@ -51,8 +55,8 @@ std::shared_ptr<LiveJob> SharedQueue::Claim() {
   }
 }
 
-std::shared_ptr<LiveJob> SharedQueue::ClaimOne() {
-  MemoryBudget& budget = *environment_.budget;
+ClaimRequest SharedQueue::MakeRequest() {
+  const MemoryBudget& budget = *environment_.budget;
   ClaimRequest request;
   request.worker = environment_.process;
   request.free_bytes = budget.total_bytes() - budget.reserved_bytes();
@@ -62,6 +66,22 @@ std::shared_ptr<LiveJob> SharedQueue::ClaimOne() {
   request.max_passes = environment_.limits.max_passes;
   request.max_overtakes = JobQueue::kMaxOvertakes;
   request.alone_after = kAloneAfter;
+  MutexLock lock(mutex_);
+  request.meshes.assign(meshes_.begin(), meshes_.end());
+  return request;
+}
+
+void SharedQueue::Remember(const std::vector<std::string>& inputs) {
+  MutexLock lock(mutex_);
+  for (const std::string& sha256 : inputs) {
+    std::erase(meshes_, sha256);
+    meshes_.push_front(sha256);
+  }
+  if (meshes_.size() > kMostMeshes) meshes_.resize(kMostMeshes);
+}
+
+std::shared_ptr<LiveJob> SharedQueue::ClaimOne() {
+  const ClaimRequest request = MakeRequest();
   auto claimed = environment_.shared->Claim(request);
   if (!claimed.ok() || !*claimed) return nullptr;
   JobRecord& record = **claimed;
@@ -75,8 +95,9 @@ std::shared_ptr<LiveJob> SharedQueue::ClaimOne() {
                                     ? record.memory_estimate_bytes
                                     : request.total_bytes;
   // Only this thread takes any: it is there.
-  auto reservation = budget.Reserve(live->memory_estimate_bytes);
+  auto reservation = environment_.budget->Reserve(live->memory_estimate_bytes);
   if (reservation.ok()) live->reservation = *std::move(reservation);
+  Remember(record.inputs);
   live->claimed = std::move(record);
   return live;
 }

@@ -1,10 +1,11 @@
 #pragma once
 
 #include <cstdint>
-#include <map>
+#include <deque>
 #include <memory>
 #include <string>
 #include <unordered_map>
+#include <vector>
 
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
@@ -57,6 +58,8 @@ class SharedQueue {
   Value Refresh(Recent<Value>& recent, const Ask& ask);
 
   std::shared_ptr<LiveJob> ClaimOne();
+  ClaimRequest MakeRequest();
+  void Remember(const std::vector<std::string>& inputs);
 
   using Positions = std::shared_ptr<const std::unordered_map<std::string, int>>;
 
@@ -64,6 +67,9 @@ class SharedQueue {
   Mutex mutex_;
   bool is_claiming_ ABSL_GUARDED_BY(mutex_) = false;
   bool is_asked_again_ ABSL_GUARDED_BY(mutex_) = false;
+  /// SHA-256 of what the last jobs of this process had as inputs, the latest
+  /// first: their meshes are likely to be prepared still.
+  std::deque<std::string> meshes_ ABSL_GUARDED_BY(mutex_);
   Recent<Positions> positions_ ABSL_GUARDED_BY(mutex_);
   Recent<QueueCounts> counts_ ABSL_GUARDED_BY(mutex_);
   Recent<std::int64_t> largest_bytes_ ABSL_GUARDED_BY(mutex_);

@@ -138,76 +138,63 @@ std::int64_t ResultBytes(const JobRecord& record) {
   return bytes;
 }
 
-// Why a job needs a blob; see 002_blobs.sql.
-constexpr int kInputBlob = 1;
-constexpr int kResultBlob = 2;
-
-void AddReferences(pqxx::work& transaction, const JobRecord& record,
-                   const std::vector<std::string>& digests, int kind) {
-  transaction.exec_params(
-      "INSERT INTO isomatch.job_blobs (job_id, tenant, sha256, kind) "
-      "SELECT DISTINCT $1, $2, sha256, $4::smallint "
-      "FROM unnest($3::text[]) AS sha256 ON CONFLICT DO NOTHING",
-      record.id, record.tenant, ArrayOf(digests), kind);
-}
-
-/// The blobs that a job which is over needs: its results.
-void ReplaceReferences(pqxx::work& transaction, const JobRecord& record) {
-  transaction.exec_params("DELETE FROM isomatch.job_blobs WHERE job_id = $1",
-                          record.id);
-  if (!record.result) return;
+std::vector<std::string> DigestsOf(const std::optional<JobResult>& result) {
   std::vector<std::string> digests;
-  for (const StoredPart& part : record.result->parts) {
-    digests.push_back(part.sha256);
-  }
-  AddReferences(transaction, record, digests, kResultBlob);
+  if (!result) return digests;
+  for (const StoredPart& part : result->parts) digests.push_back(part.sha256);
+  return digests;
 }
 
 }  // namespace
 
-absl::Status InsertRow(pqxx::work& transaction, JobRecord& record,
+absl::Status InsertRow(PostgresPool& pool, JobRecord& record,
                        const std::optional<std::string>& unwatched_grace) {
   const auto queue_timeout = IntervalOrNull(record.queue_timeout);
-  const pqxx::result rows = transaction.exec_params(
-      "SELECT number, sequence, (extract(epoch FROM created) * 1000000)::bigint"
-      " FROM isomatch.insert_job($1, $2, $3, $4::jsonb, $5::bytea, $6, $7, $8, "
-      "$9::interval, $10::interval, $11::text[])",
-      record.id, record.tenant, record.request_id,
-      nlohmann::json(record.labels).dump(),
-      pqxx::binarystring(EncodeJobRecord(record)), record.priority,
-      record.shared_priority, record.memory_estimate_bytes,
-      OrNull(queue_timeout), OrNull(unwatched_grace), ArrayOf(record.inputs));
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const pqxx::result rows,
+      pool.Ask(PostgresPool::Repeat::kNever,
+               "SELECT number, sequence, "
+               "(extract(epoch FROM created) * 1000000)::bigint "
+               "FROM isomatch.insert_job($1, $2, $3, $4::jsonb, $5::bytea, $6, "
+               "$7, $8, $9::interval, $10::interval, $11::text[])",
+               record.id, record.tenant, record.request_id,
+               nlohmann::json(record.labels).dump(),
+               pqxx::binarystring(EncodeJobRecord(record)), record.priority,
+               record.shared_priority, record.memory_estimate_bytes,
+               OrNull(queue_timeout), OrNull(unwatched_grace),
+               ArrayOf(record.inputs)));
   if (rows[0][0].is_null()) {
     return absl::AlreadyExistsError(absl::StrCat("job ", record.id));
   }
   record.number = rows[0][0].as<std::uint64_t>();
   record.sequence = rows[0][1].as<std::uint64_t>();
   record.create_time = absl::FromUnixMicros(rows[0][2].as<std::int64_t>());
-  AddReferences(transaction, record, record.inputs, kInputBlob);
   return absl::OkStatus();
 }
 
-absl::Status UpdateRow(pqxx::work& transaction, const JobRecord& record,
-                       std::int64_t* sequence) {
+absl::Status UpdateRow(PostgresPool& pool, JobRecord& record) {
   const bool is_over = IsTerminal(record.state);
   std::optional<std::string> hold;
   if (record.hold > absl::ZeroDuration()) hold = IntervalOf(record.hold);
-  const pqxx::result rows = transaction.exec_params(
-      "SELECT isomatch.update_job($1, $2, $3, $4, $5, $6::interval, $7, $8, $9,"
-      " $10, $11, $12::bytea)",
-      record.id, record.sequence, static_cast<int>(record.state),
-      record.attempt, record.faults, OrNull(hold),
-      record.queue_timeout.has_value(), record.progress.stage,
-      record.progress.stage_fraction, record.progress.total_fraction,
-      ResultBytes(record),
-      pqxx::binarystring(is_over ? EncodeJobRecord(record) : std::string()));
-  *sequence = rows[0][0].as<std::int64_t>();
-  if (*sequence == -1) return NotFound(record.id);
-  if (*sequence == 0) {
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const pqxx::result rows,
+      pool.Ask(PostgresPool::Repeat::kNever,
+               "SELECT isomatch.update_job($1, $2, $3, $4, $5, $6::interval, "
+               "$7, $8, $9, $10, $11, $12::text[], $13::bytea)",
+               record.id, record.sequence, static_cast<int>(record.state),
+               record.attempt, record.faults, OrNull(hold),
+               record.queue_timeout.has_value(), record.progress.stage,
+               record.progress.stage_fraction, record.progress.total_fraction,
+               ResultBytes(record), ArrayOf(DigestsOf(record.result)),
+               pqxx::binarystring(is_over ? EncodeJobRecord(record)
+                                          : std::string())));
+  const auto sequence = rows[0][0].as<std::int64_t>();
+  if (sequence == -1) return NotFound(record.id);
+  if (sequence == 0) {
     return absl::AbortedError(absl::StrCat("job ", record.id, " is not at ",
                                            record.sequence, " any more"));
   }
-  if (is_over) ReplaceReferences(transaction, record);
+  record.sequence = static_cast<std::uint64_t>(sequence);
   return absl::OkStatus();
 }
 

@@ -10,6 +10,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
+#include "server/postgres/postgres_pool.h"
 #include "server/storage/job_record.h"
 #include "server/storage/kept_jobs.h"
 
@@ -52,14 +53,14 @@ inline const char* OrNull(const std::optional<std::string>& text) {
 
 /// Adds the rows of a new job, and the references to its inputs; the record
 /// gets number, sequence and time. `unwatched_grace`, an interval: it is
-/// cancelled when nobody has watched it for so long. ALREADY_EXISTS.
-absl::Status InsertRow(pqxx::work& transaction, JobRecord& record,
+/// cancelled when nobody has watched it for so long. ALREADY_EXISTS;
+/// FAILED_PRECONDITION: an input is not there.
+absl::Status InsertRow(PostgresPool& pool, JobRecord& record,
                        const std::optional<std::string>& unwatched_grace);
 
-/// Replaces what the rows of a job say; `sequence` is the new one. Once the job
-/// is over its references are those to its results. NOT_FOUND, ABORTED.
-absl::Status UpdateRow(pqxx::work& transaction, const JobRecord& record,
-                       std::int64_t* sequence);
+/// Replaces what the rows of a job say; the record gets its new sequence. Once
+/// the job is over its references are those to its results. NOT_FOUND, ABORTED.
+absl::Status UpdateRow(PostgresPool& pool, JobRecord& record);
 
 /// Removes those of the jobs that are over, and returns what they were.
 std::vector<JobRecord> RemoveRows(pqxx::work& transaction,

@@ -41,18 +41,12 @@ absl::StatusOr<JobRecord> PostgresJobStore::Insert(JobRecord record) {
   if (record.cancel_when_unwatched) {
     grace = IntervalOf(options_.unwatched_grace);
   }
-  ISOMATCH_RETURN_IF_ERROR(pool_.Run([&](pqxx::work& transaction) {
-    return InsertRow(transaction, record, grace);
-  }));
+  ISOMATCH_RETURN_IF_ERROR(InsertRow(pool_, record, grace));
   return record;
 }
 
 absl::StatusOr<JobRecord> PostgresJobStore::Update(JobRecord record) {
-  std::int64_t sequence = 0;
-  ISOMATCH_RETURN_IF_ERROR(pool_.Run([&](pqxx::work& transaction) {
-    return UpdateRow(transaction, record, &sequence);
-  }));
-  record.sequence = static_cast<std::uint64_t>(sequence);
+  ISOMATCH_RETURN_IF_ERROR(UpdateRow(pool_, record));
   return record;
 }
 
@@ -138,12 +132,12 @@ absl::StatusOr<std::optional<JobRecord>> PostgresJobStore::Claim(
       pool_.Ask(Repeat::kNever,
                 absl::StrCat("SELECT ", kJobColumns,
                              "FROM isomatch.claim_job($1, $2, $3, "
-                             "$4::interval, $5, $6, $7, $8) l "
+                             "$4::interval, $5, $6, $7, $8, $9::text[]) l "
                              "JOIN isomatch.jobs j ON j.number = l.number"),
                 request.worker, request.free_bytes, request.total_bytes,
                 IntervalOf(request.lease), request.max_running_per_tenant,
-                request.max_passes, request.max_overtakes,
-                request.alone_after));
+                request.max_passes, request.max_overtakes, request.alone_after,
+                ArrayOf(request.meshes)));
   std::optional<JobRecord> claimed;
   if (rows.empty()) return claimed;
   ISOMATCH_ASSIGN_OR_RETURN(claimed, RecordOf(rows[0]));

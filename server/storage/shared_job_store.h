@@ -31,6 +31,8 @@ struct ClaimRequest {
   /// Attempts after which a job runs alone, because nothing told why the
   /// earlier ones ended.
   int alone_after = 3;
+  /// SHA-256 of meshes that it has prepared, and is quicker with.
+  std::vector<std::string> meshes = {};
 };
 
 /// A job that a worker runs, as it tells the store.

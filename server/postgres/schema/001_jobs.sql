@@ -105,14 +105,17 @@ CREATE TABLE isomatch.chores (
   held_until timestamptz NOT NULL
 ) WITH (fillfactor = 50);
 
--- A job comes. Returns its number and sequence; NULLs when there is one with
--- the same id or, of the tenant, request_id.
+-- A job comes, and needs its inputs: kind 1 of job_blobs (002_blobs.sql).
+-- Returns its number and sequence; NULLs when there is one with the same id or,
+-- of the tenant, request_id.
 CREATE FUNCTION isomatch.insert_job(
   p_id text, p_tenant text, p_request_id text, p_labels jsonb, p_record bytea,
   p_priority int, p_shared_priority int, p_memory_bytes bigint,
   p_queue_timeout interval, p_unwatched_grace interval, p_inputs text[],
   OUT number bigint, OUT sequence bigint, OUT created timestamptz)
-LANGUAGE plpgsql AS $$
+LANGUAGE plpgsql
+SET lock_timeout TO '3s'
+AS $$
 BEGIN
   number := nextval('isomatch.job_number');
   sequence := nextval('isomatch.job_sequence');
@@ -139,6 +142,9 @@ BEGIN
       coalesce(now() + p_unwatched_grace, 'infinity'));
   INSERT INTO isomatch.tenants (tenant) VALUES (p_tenant)
     ON CONFLICT DO NOTHING;
+  INSERT INTO isomatch.job_blobs (job_id, tenant, sha256, kind)
+    SELECT DISTINCT p_id, p_tenant, i.sha256, 1
+      FROM unnest(p_inputs) AS i (sha256);
 END $$;
 
 -- The next job for a worker that has p_free_bytes of its p_total_bytes left
@@ -154,14 +160,16 @@ END $$;
 -- first. One that was started so often that it has to run alone needs all of
 -- the worker's memory. One that does not fit now may be passed p_max_passes
 -- times; after that the worker waits until it fits. One that never fits stays
--- for a larger worker.
+-- for a larger worker. Of the next few of its tenant and priority one that has a
+-- mesh of p_meshes, which the worker has prepared, may pass the others, each as
+-- many times.
 --
 -- Claims come one after the other, each for less than a millisecond: nobody
 -- holds the lock while it waits for a network or for the disk.
 CREATE FUNCTION isomatch.claim_job(
   p_worker text, p_free_bytes bigint, p_total_bytes bigint, p_lease interval,
   p_max_running_per_tenant int, p_max_passes int, p_max_overtakes int,
-  p_alone_after int)
+  p_alone_after int, p_meshes text[])
 RETURNS SETOF isomatch.live_jobs
 LANGUAGE plpgsql
 SET lock_timeout TO '3s'
@@ -171,6 +179,7 @@ DECLARE
   chosen bigint;
   chosen_head record;
   passed bigint[] := '{}';
+  preferred bigint;
   next_claim bigint;
 BEGIN
   -- A claim that a crash of this database takes back is one that its worker
@@ -216,6 +225,22 @@ BEGIN
   IF chosen IS NULL THEN
     RETURN;
   END IF;
+  IF p_meshes <> '{}' THEN
+    SELECT n.number INTO preferred FROM (
+        SELECT l.number FROM isomatch.live_jobs l
+          JOIN isomatch.live_jobs c ON c.number = chosen
+          WHERE l.tenant = c.tenant AND l.state = 1 AND l.priority = c.priority
+            AND l.number >= c.number AND c.passes < p_max_passes
+            AND l.not_before <= now() AND l.attempt < p_alone_after
+            AND c.attempt < p_alone_after AND l.memory_bytes <= p_free_bytes
+          ORDER BY l.number LIMIT 8) n
+      JOIN isomatch.jobs j ON j.number = n.number
+      WHERE j.inputs && p_meshes ORDER BY n.number LIMIT 1;
+    IF preferred IS NOT NULL AND preferred <> chosen THEN
+      passed := passed || chosen;
+      chosen := preferred;
+    END IF;
+  END IF;
   next_claim := nextval('isomatch.job_sequence');
   RETURN QUERY
     UPDATE isomatch.live_jobs l
@@ -241,13 +266,14 @@ BEGIN
     WHERE tenant = chosen_head.tenant;
 END $$;
 
--- Replaces a job's record when its sequence is still p_sequence. Returns the
+-- Replaces a job's record when its sequence is still p_sequence. Once it is over
+-- it needs its results, kind 2 of job_blobs, and its inputs no more. Returns the
 -- new sequence; 0 when it is another by now, -1 when the job is gone.
 CREATE FUNCTION isomatch.update_job(
   p_id text, p_sequence bigint, p_state int, p_attempt int, p_faults int,
   p_hold interval, p_has_queue_timeout boolean, p_stage int,
   p_stage_fraction double precision, p_total_fraction double precision,
-  p_result_bytes bigint, p_record bytea)
+  p_result_bytes bigint, p_results text[], p_record bytea)
 RETURNS bigint
 LANGUAGE plpgsql
 SET lock_timeout TO '3s'
@@ -273,6 +299,10 @@ BEGIN
       SET state = p_state, sequence = new_sequence, record = p_record, ended = now(),
           result_bytes = p_result_bytes
       WHERE id = p_id;
+    DELETE FROM isomatch.job_blobs WHERE job_id = p_id;
+    INSERT INTO isomatch.job_blobs (job_id, tenant, sha256, kind)
+      SELECT DISTINCT p_id, live.tenant, r.sha256, 2
+        FROM unnest(p_results) AS r (sha256);
     RETURN new_sequence;
   END IF;
   IF p_state = live.state THEN  -- how far it is, and whose fault it was

@@ -197,6 +197,24 @@ TEST_F(PostgresQueueTest, WhatNeverFitsWaitsForALargerWorker) {
   EXPECT_EQ(ClaimId(larger), "huge");
 }
 
+TEST_F(PostgresQueueTest, AWorkerPrefersMeshesThatItHasPrepared) {
+  const std::string known = kept_->Put("a", "known");
+  const std::string other = kept_->Put("a", "other");
+  for (int i = 0; i < 12; ++i) {
+    JobRecord job = Job(absl::StrCat("j", i), "a");
+    job.inputs = {i % 2 == 0 ? other : known};
+    Insert(job);
+  }
+  ClaimRequest request = Asking();
+  request.meshes = {known};
+  std::vector<std::string> started;
+  for (int i = 0; i < 5; ++i) started.push_back(ClaimId(request));
+  // Of the next eight each time, and j0 is passed no more than eight times.
+  EXPECT_THAT(started, ElementsAre("j1", "j3", "j5", "j7", "j9"));
+  request.max_passes = 5;
+  EXPECT_EQ(ClaimId(request), "j0");
+}
+
 TEST_F(PostgresQueueTest, AJobThatWasStartedOftenRunsAlone) {
   JobRecord job = Insert(Job("a"));
   for (int i = 0; i < 3; ++i) {
