@@ -8,6 +8,7 @@
 #include "tests/bench/accuracy.h"
 #include "tests/bench/option_overrides.h"
 #include "tests/bench/pair_set.h"
+#include "tests/bench/queue_bench.h"
 #include "tests/bench/service_bench.h"
 #include "tests/bench/speed.h"
 
@@ -19,6 +20,7 @@ struct Arguments {
   SpeedSelection speed = {
       {1000, 5000, 13000, 50000, 100000, 200000}, "", "", 3};
   ServiceSelection service;
+  QueueSelection queue;
   int threads = 0;
   std::string profile = "default";
   std::string out;
@@ -114,6 +116,36 @@ CLI::App* AddServiceCommand(CLI::App* app, Arguments* arguments) {
   return command;
 }
 
+CLI::App* AddQueueCommand(CLI::App* app, Arguments* arguments) {
+  CLI::App* command = app->add_subcommand(
+      "queue", "What a queue on PostgreSQL can do, on a server of its own");
+  QueueSelection& queue = arguments->queue;
+  command
+      ->add_option("--workers", queue.workers,
+                   "Workers that claim at the same time, separated by commas")
+      ->delimiter(',')
+      ->check(CLI::Range(1, 64))
+      ->capture_default_str();
+  command
+      ->add_option("--job-seconds", queue.job_seconds,
+                   "How long a worker holds a job instead of computing")
+      ->check(CLI::Range(0.0, 60.0))
+      ->capture_default_str();
+  const auto add_count = [&](const char* name, int& count, const char* help) {
+    command->add_option(name, count, help)
+        ->check(CLI::Range(1, 100'000'000))
+        ->capture_default_str();
+  };
+  add_count("--jobs", queue.jobs, "Jobs for each number of workers");
+  add_count("--queued", queue.queued,
+            "Jobs that wait while CreateJob is timed");
+  add_count("--passing", queue.passing,
+            "Jobs that pass while the size of the table is watched");
+  command->add_flag("!--no-fsync", queue.fsync,
+                    "The database does not wait for its disk");
+  return command;
+}
+
 void AddPackCommand(CLI::App* app, Arguments* arguments) {
   CLI::App* command = app->add_subcommand(
       "pack",
@@ -127,6 +159,7 @@ void AddPackCommand(CLI::App* app, Arguments* arguments) {
 
 absl::Status Run(const Arguments& arguments, const std::string& command) {
   if (command == "pack") return PackShapes(arguments.pairs.dir, arguments.out);
+  if (command == "queue") return RunQueue(arguments.queue, arguments.out);
   MatchOptions options = MatchOptions::ForProfile(
       arguments.profile == "paper" ? Profile::kPaper : Profile::kDefault);
   if (const absl::Status status = ApplyOverrides(arguments.settings, &options);
@@ -157,7 +190,8 @@ int Main(int argc, char** argv) {
                      "Errors of every pair, by stage and in total", &arguments);
   CLI::App* const speed = AddSpeedCommand(&app, &arguments);
   CLI::App* const service = AddServiceCommand(&app, &arguments);
-  for (CLI::App* const command : {accuracy, speed, service}) {
+  CLI::App* const queue = AddQueueCommand(&app, &arguments);
+  for (CLI::App* const command : {accuracy, speed, service, queue}) {
     command->add_option("--out", arguments.out, "The figures as JSON");
   }
   AddPairCommand(&app, "ablation",

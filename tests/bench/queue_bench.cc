@@ -1,0 +1,290 @@
+#include "tests/bench/queue_bench.h"
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cstdint>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <utility>
+
+#include <unistd.h>
+#include <nlohmann/json.hpp>
+
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
+#include "absl/time/clock.h"
+#include "client/files/text_file.h"
+#include "client/sample/sample_animal.h"
+#include "core/base/status_macros.h"
+#include "core/io/draco_mesh.h"
+#include "isomatch/v1/service.grpc.pb.h"
+#include "server/logging/log.h"
+#include "server/postgres/migrations.h"
+#include "server/postgres/postgres_job_store.h"
+#include "server/server.h"
+#include "server/shared_stores.h"
+#include "tests/support/postgres_server.h"
+
+namespace isomatch::bench {
+namespace {
+
+/// In a second.
+constexpr double kMillisecond = 1e3;
+constexpr int kTenants = 5;
+
+double SecondsSince(absl::Time begin) {
+  return absl::ToDoubleSeconds(absl::Now() - begin);
+}
+
+/// Processor seconds of a process and its living and dead children; PostgreSQL
+/// has one for each connection.
+double ProcessorSeconds(pid_t postmaster) {
+  double ticks = 0;
+  for (const auto& entry : std::filesystem::directory_iterator("/proc")) {
+    std::ifstream file(entry.path() / "stat");
+    std::string text;
+    if (!std::getline(file, text)) continue;
+    const std::vector<std::string> fields =
+        absl::StrSplit(text.substr(text.rfind(')') + 2), ' ');
+    int parent = 0;
+    if (fields.size() < 15 || !absl::SimpleAtoi(fields[1], &parent)) continue;
+    const bool is_it = entry.path().filename() == absl::StrCat(postmaster);
+    if (!is_it && parent != postmaster) continue;
+    // utime and stime, and those of children that were waited for.
+    for (const size_t field : {11u, 12u, 13u, 14u}) {
+      double value = 0;
+      if (absl::SimpleAtod(fields[field], &value)) ticks += value;
+    }
+  }
+  return ticks / static_cast<double>(sysconf(_SC_CLK_TCK));
+}
+
+class Queue {
+ public:
+  static absl::StatusOr<std::unique_ptr<Queue>> Open(bool fsync, int workers) {
+    auto queue = std::make_unique<Queue>();
+    ISOMATCH_ASSIGN_OR_RETURN(queue->server_,
+                              PostgresServer::Start({.fsync = fsync}));
+    ISOMATCH_ASSIGN_OR_RETURN(
+        queue->pool_, PostgresPool::Open({.url = queue->server_->url(),
+                                          .connections = workers + 4,
+                                          .patience = absl::Seconds(30)}));
+    ISOMATCH_RETURN_IF_ERROR(Migrate(*queue->pool_));
+    queue->store_ = std::make_unique<PostgresJobStore>(
+        queue->pool_.get(), PostgresJobStore::Options());
+    return queue;
+  }
+
+  PostgresJobStore& store() { return *store_; }
+  std::string url() const { return server_->url(); }
+  double processor_seconds() const { return ProcessorSeconds(server_->id()); }
+
+  absl::Status Insert(int count) {
+    for (int i = 0; i < count; ++i) {
+      JobRecord job;
+      job.id = absl::StrCat("bench-", ++last_);
+      job.tenant = absl::StrCat("tenant-", last_ % kTenants);
+      job.memory_estimate_bytes = 1;
+      ISOMATCH_RETURN_IF_ERROR(store_->Insert(std::move(job)).status());
+    }
+    return absl::OkStatus();
+  }
+
+  /// Claims a job, holds it, and ends it as its worker does; false when there
+  /// is none.
+  absl::StatusOr<bool> Work(const std::string& worker, double seconds) {
+    ClaimRequest request;
+    request.worker = worker;
+    request.free_bytes = request.total_bytes = 1 << 30;
+    request.max_running_per_tenant = 1 << 20;
+    ISOMATCH_ASSIGN_OR_RETURN(std::optional<JobRecord> job,
+                              store_->Claim(request));
+    if (!job) return false;
+    if (seconds > 0) absl::SleepFor(absl::Seconds(seconds));
+    job->state = JobState::kFailed;
+    job->error = {absl::StatusCode::kInternal, "BENCH", "no job at all"};
+    ISOMATCH_RETURN_IF_ERROR(store_->Update(*std::move(job)).status());
+    return true;
+  }
+
+  absl::StatusOr<std::int64_t> TableBytes() {
+    ISOMATCH_ASSIGN_OR_RETURN(
+        const pqxx::result rows,
+        pool_->Ask(PostgresPool::Repeat::kOnce,
+                   "SELECT pg_total_relation_size('isomatch.live_jobs')"));
+    return rows[0][0].as<std::int64_t>();
+  }
+
+  absl::Status Forget() {
+    return pool_
+        ->Ask(PostgresPool::Repeat::kOnce,
+              "TRUNCATE isomatch.jobs, isomatch.live_jobs, isomatch.job_blobs")
+        .status();
+  }
+
+ private:
+  std::unique_ptr<PostgresServer> server_;
+  std::unique_ptr<PostgresPool> pool_;
+  std::unique_ptr<PostgresJobStore> store_;
+  std::int64_t last_ = 0;
+};
+
+/// Lets so many workers empty the queue; the first error of any.
+absl::Status Empty(Queue& queue, int workers, double job_seconds) {
+  std::mutex mutex;
+  absl::Status worst;
+  std::vector<std::thread> threads;
+  for (int w = 0; w < workers; ++w) {
+    threads.emplace_back([&, w] {
+      while (true) {
+        const auto has_worked =
+            queue.Work(absl::StrCat("worker-", w), job_seconds);
+        if (has_worked.ok() && *has_worked) continue;
+        const std::lock_guard lock(mutex);
+        if (!has_worked.ok()) worst = has_worked.status();
+        return;
+      }
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+  return worst;
+}
+
+absl::Status MeasureClaims(Queue& queue, const QueueSelection& selection,
+                           nlohmann::json& out) {
+  std::printf("workers   jobs/s   database ms of processor a job\n");
+  for (const int workers : selection.workers) {
+    const int jobs =
+        selection.job_seconds > 0
+            ? std::min(selection.jobs,
+                       static_cast<int>(workers * 10 / selection.job_seconds))
+            : selection.jobs;
+    ISOMATCH_RETURN_IF_ERROR(queue.Insert(jobs));
+    const double before = queue.processor_seconds();
+    const absl::Time begin = absl::Now();
+    ISOMATCH_RETURN_IF_ERROR(Empty(queue, workers, selection.job_seconds));
+    const double rate = jobs / SecondsSince(begin);
+    const double cost =
+        kMillisecond * (queue.processor_seconds() - before) / jobs;
+    std::printf("%7d %8.0f %8.3f\n", workers, rate, cost);
+    out["claims"].push_back({{"workers", workers},
+                             {"jobs_per_second", rate},
+                             {"database_milliseconds", cost}});
+    ISOMATCH_RETURN_IF_ERROR(queue.Forget());
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<v1::CreateJobRequest> SmallJob() {
+  constexpr int kVertices = 300;
+  ISOMATCH_ASSIGN_OR_RETURN(const Sample sample,
+                            MakeSample({.pose = 'A', .vertices = kVertices}));
+  ISOMATCH_ASSIGN_OR_RETURN(const EncodedMesh encoded,
+                            EncodeDraco(sample.mesh));
+  v1::CreateJobRequest request;
+  for (v1::Mesh* mesh : {request.mutable_mesh_x(), request.mutable_mesh_y()}) {
+    mesh->set_draco(encoded.bytes);
+    mesh->set_vertex_order(encoded.vertex_order == VertexOrder::kDecoded
+                               ? v1::VERTEX_ORDER_DECODED
+                               : v1::VERTEX_ORDER_ID_ATTRIBUTE);
+    mesh->set_vertex_count(kVertices);
+  }
+  return request;
+}
+
+/// Calls of a gateway within this process.
+absl::Status MeasureCreateJob(Queue& queue, const QueueSelection& selection,
+                              nlohmann::json& out) {
+  ISOMATCH_RETURN_IF_ERROR(queue.Insert(selection.queued));
+  ServerConfig config;
+  config.store = queue.url();
+  config.role = "gateway";
+  config.listen = "";
+  config.max_queued_jobs = ServerConfig::kMaxQueuedJobs.most;
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const std::unique_ptr<Server> gateway,
+      Server::Create(config, CoreMatchEngine(), nullptr, OpenAnyStores));
+  const auto stub =
+      v1::CorrespondenceService::NewStub(gateway->InProcessChannel());
+  ISOMATCH_ASSIGN_OR_RETURN(const v1::CreateJobRequest request, SmallJob());
+  constexpr int kCalls = 1000;
+  std::vector<double> milliseconds;
+  for (int i = 0; i < kCalls; ++i) {
+    grpc::ClientContext context;
+    v1::CreateJobResponse response;
+    const absl::Time begin = absl::Now();
+    const grpc::Status status = stub->CreateJob(&context, request, &response);
+    if (!status.ok()) return absl::InternalError(status.error_message());
+    milliseconds.push_back(kMillisecond * SecondsSince(begin));
+  }
+  std::sort(milliseconds.begin(), milliseconds.end());
+  const double median = milliseconds[kCalls / 2];
+  const double p99 = milliseconds[kCalls * 99 / 100];
+  std::printf(
+      "CreateJob with %d jobs queued: median %.1f ms, 99th percentile %.1f "
+      "ms\n",
+      selection.queued, median, p99);
+  out["create_job"] = {{"queued", selection.queued},
+                       {"median_milliseconds", median},
+                       {"p99_milliseconds", p99}};
+  return queue.Forget();
+}
+
+absl::Status MeasureTable(Queue& queue, const QueueSelection& selection,
+                          nlohmann::json& out) {
+  constexpr int kWaiting = 10000;
+  constexpr int kStep = 20000;
+  constexpr int kWorkers = 4;
+  ISOMATCH_RETURN_IF_ERROR(queue.Insert(kWaiting));
+  std::int64_t most = 0;
+  const absl::Time begin = absl::Now();
+  for (int passed = 0; passed < selection.passing; passed += kStep) {
+    std::atomic<bool> is_over = false;
+    absl::Status inserted;
+    std::vector<std::thread> workers;
+    for (int w = 0; w < kWorkers; ++w) {
+      workers.emplace_back([&, w] {
+        while (!is_over) (void)queue.Work(absl::StrCat("worker-", w), 0);
+      });
+    }
+    inserted = queue.Insert(kStep);
+    is_over = true;
+    for (std::thread& worker : workers) worker.join();
+    ISOMATCH_RETURN_IF_ERROR(inserted);
+    ISOMATCH_ASSIGN_OR_RETURN(const std::int64_t bytes, queue.TableBytes());
+    most = std::max(most, bytes);
+  }
+  std::printf(
+      "table of live jobs with its indices: at most %.1f MB while %d jobs "
+      "passed in %.0f s\n",
+      static_cast<double>(most) / 1e6, selection.passing, SecondsSince(begin));
+  out["table"] = {{"passed", selection.passing}, {"most_bytes", most}};
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::Status RunQueue(const QueueSelection& selection,
+                      const std::string& out_path) {
+  SetUpLog("warn", LogFormat::kText);
+  const int most =
+      *std::max_element(selection.workers.begin(), selection.workers.end());
+  ISOMATCH_ASSIGN_OR_RETURN(const std::unique_ptr<Queue> queue,
+                            Queue::Open(selection.fsync, most));
+  nlohmann::json out;
+  ISOMATCH_RETURN_IF_ERROR(MeasureClaims(*queue, selection, out));
+  ISOMATCH_RETURN_IF_ERROR(MeasureCreateJob(*queue, selection, out));
+  ISOMATCH_RETURN_IF_ERROR(MeasureTable(*queue, selection, out));
+  if (out_path.empty()) return absl::OkStatus();
+  return WriteFileAtomically(out_path, out.dump(2) + "\n");
+}
+
+}  // namespace isomatch::bench
