@@ -129,10 +129,23 @@ LANGUAGE sql AS $$
     ON CONFLICT (tenant) DO UPDATE SET bytes = t.bytes + excluded.bytes;
 $$;
 
--- Deletes a blob that no job needs; returns its bytes, 0 when it stays. The
--- caller has locked its row FOR UPDATE in a statement before: from then on
--- nobody can add a row of job_blobs that names it, and this statement sees
--- those that were added.
+-- Locks a blob that was not used within p_grace, and says whether it did: not
+-- when somebody uses it, or makes a job that needs it, at this moment.
+CREATE FUNCTION isomatch.lock_old_blob(
+  p_tenant text, p_sha256 text, p_grace interval)
+RETURNS boolean
+LANGUAGE plpgsql AS $$
+BEGIN
+  PERFORM FROM isomatch.blobs
+    WHERE tenant = p_tenant AND sha256 = p_sha256
+      AND used_at <= now() - p_grace
+    FOR UPDATE SKIP LOCKED;
+  RETURN FOUND;
+END $$;
+
+-- Deletes a blob that lock_old_blob has locked, unless a job needs it; returns
+-- how many bytes. From the lock on nobody can add a row of job_blobs that names
+-- it, and this statement, a later one, sees those that were added before.
 CREATE FUNCTION isomatch.delete_locked_blob(p_tenant text, p_sha256 text)
 RETURNS bigint
 LANGUAGE plpgsql AS $$
@@ -159,11 +172,7 @@ LANGUAGE plpgsql
 SET lock_timeout TO '3s'
 AS $$
 BEGIN
-  PERFORM FROM isomatch.blobs
-    WHERE tenant = p_tenant AND sha256 = p_sha256
-      AND used_at <= now() - p_grace
-    FOR UPDATE SKIP LOCKED;  -- who has it needs it
-  IF FOUND THEN
+  IF isomatch.lock_old_blob(p_tenant, p_sha256, p_grace) THEN
     PERFORM isomatch.delete_locked_blob(p_tenant, p_sha256);
   END IF;
 END $$;
@@ -185,8 +194,9 @@ $$;
 -- Makes room for a blob: deletes others (p_of_tenant: of its tenant) that no
 -- job needs and that were not used within p_grace, the least recently used
 -- first, until the rest and p_bytes are at most p_limit. Returns how many bytes
--- are still to be deleted, by the next call, so that none takes long: 0 when
--- there is room. NULL, and nothing is deleted, when it cannot be made.
+-- are still to be deleted, by the next call, since one deletes 500 blobs or 64
+-- MiB at most: 0 when there is room. NULL, and nothing is deleted, when it
+-- cannot be made.
 CREATE FUNCTION isomatch.make_blob_room(
   p_tenant text, p_sha256 text, p_bytes bigint, p_limit bigint,
   p_of_tenant boolean, p_grace interval)
@@ -196,8 +206,11 @@ SET lock_timeout TO '3s'
 AS $$
 DECLARE
   missing bigint;
-  freed bigint := 0;
   blob record;
+  may_go bigint := 0;
+  tenants text[] := '{}';
+  digests text[] := '{}';
+  freed bigint := 0;
 BEGIN
   IF isomatch.missing_blob_bytes(p_tenant, p_sha256, p_bytes, p_limit,
                                  p_of_tenant) <= 0 THEN
@@ -211,25 +224,28 @@ BEGIN
   IF missing <= 0 THEN
     RETURN 0;
   END IF;
-  IF missing > (
-      SELECT coalesce(sum(u.bytes), 0) FROM isomatch.unused_blobs u
-        WHERE (NOT p_of_tenant OR u.tenant = p_tenant)
-          AND (u.tenant, u.sha256) <> (p_tenant, p_sha256)
-          AND u.used_at <= now() - p_grace) THEN
-    RETURN NULL;
-  END IF;
   FOR blob IN
-    SELECT u.tenant, u.sha256 FROM isomatch.unused_blobs u
+    SELECT u.tenant, u.sha256, u.bytes FROM isomatch.unused_blobs u
       WHERE (NOT p_of_tenant OR u.tenant = p_tenant)
         AND (u.tenant, u.sha256) <> (p_tenant, p_sha256)
         AND u.used_at <= now() - p_grace
-      ORDER BY u.used_at LIMIT 64 FOR UPDATE SKIP LOCKED
+      ORDER BY u.used_at
   LOOP
-    freed := freed + isomatch.delete_locked_blob(blob.tenant, blob.sha256);
-    EXIT WHEN freed >= least(missing, 64 * 1024 * 1024);
+    IF cardinality(digests) < 500 THEN
+      CONTINUE WHEN NOT isomatch.lock_old_blob(blob.tenant, blob.sha256,
+                                               p_grace);
+      tenants := tenants || blob.tenant;
+      digests := digests || blob.sha256;
+    END IF;
+    may_go := may_go + blob.bytes;
+    EXIT WHEN may_go >= missing;
   END LOOP;
-  IF freed = 0 THEN  -- jobs have taken all of them at this moment
+  IF may_go < missing THEN
     RETURN NULL;
   END IF;
+  FOR i IN 1 .. cardinality(digests) LOOP
+    freed := freed + isomatch.delete_locked_blob(tenants[i], digests[i]);
+    EXIT WHEN freed >= least(missing, 64 * 1024 * 1024);
+  END LOOP;
   RETURN greatest(missing - freed, 0);
 END $$;

@@ -244,6 +244,27 @@ TEST_F(PostgresBlobStoreTest, WhatWasJustUsedStays) {
   EXPECT_FALSE(store->Has(key));
 }
 
+TEST_F(PostgresBlobStoreTest, WhatWasJustUsedStaysAlsoWhenOthersCannotGo) {
+  Options options = ExactOptions(100);
+  options.grace = absl::Minutes(10);
+  const auto store = Make(options);
+  const BlobKey older = Put(*store, std::string(40, 'a'));
+  Age(11 * 60);
+  Put(*store, std::string(40, 'b'));
+  const std::string big(70, 'c');
+  EXPECT_THAT(store->Put(KeyOf(big), big, Keep::kWhileRoom),
+              StatusIs(absl::StatusCode::kResourceExhausted, _));
+  EXPECT_EQ(store->size_bytes(), 80) << "it went although that did not do";
+  pqxx::connection connection(database_.server().url());
+  pqxx::work creates_job(connection);
+  creates_job.exec("INSERT INTO isomatch.job_blobs VALUES ('job', 'tenant', '" +
+                   older.sha256 + "', 1)");
+  const std::string small(40, 'd');
+  EXPECT_THAT(store->Put(KeyOf(small), small, Keep::kWhileRoom),
+              StatusIs(absl::StatusCode::kResourceExhausted, _));
+  EXPECT_EQ(store->size_bytes(), 80);
+}
+
 TEST_F(PostgresBlobStoreTest, RemoveWaitsForTheGrace) {
   Options options = ExactOptions(100);
   options.grace = absl::Minutes(10);
@@ -429,12 +450,21 @@ TEST_F(PostgresBlobStoreTest, FiguresMayBeAMomentOld) {
 }
 
 TEST_F(PostgresBlobStoreTest, MuchRoomIsMadeInSteps) {
-  const auto store = Make(ExactOptions(1000));
-  for (int i = 0; i < 200; ++i) {
-    Put(*store, std::to_string(1000 + i));  // four bytes each
-  }
-  Put(*store, std::string(999, 'x'));
-  EXPECT_EQ(store->size_bytes(), 999);
+  const auto store = Make(ExactOptions(10000));
+  // More than one statement deletes.
+  database_.Do(
+      "INSERT INTO isomatch.blobs SELECT 'tenant', i::text, 1, 0, false, now(),"
+      " now() FROM generate_series(1, 1200) i");
+  database_.Do("SELECT isomatch.count_blob_bytes('tenant', 1200)");
+  const std::string needed(9000, 'x');
+  database_.AddReference("job", Put(*store, needed));
+  EXPECT_EQ(store->size_bytes(), 10000);
+  Put(*store, std::string(999, 'y'));
+  EXPECT_EQ(store->size_bytes(), 10000);
+  const std::string big(1001, 'z');
+  EXPECT_THAT(store->Put(KeyOf(big), big, Keep::kWhileRoom),
+              StatusIs(absl::StatusCode::kResourceExhausted, _));
+  EXPECT_EQ(store->size_bytes(), 10000);
 }
 
 TEST_F(PostgresBlobStoreTest, WhatIsTriedToWriteIsTakenBack) {
