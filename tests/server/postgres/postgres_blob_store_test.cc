@@ -322,6 +322,38 @@ TEST_F(PostgresBlobStoreTest, DamagedContentIsMissingUntilItIsPutAgain) {
   }
 }
 
+TEST_F(PostgresBlobStoreTest, DamagedContentTakesTheRoomThatItIsPutIn) {
+  const auto store = Make(ExactOptions(100));
+  const std::string bytes(60, 'a');
+  const BlobKey key = Put(*store, bytes);
+  database_.AddReference("job", key);
+  database_.Do("UPDATE isomatch.blobs SET is_damaged = true");
+  EXPECT_TRUE(store->MakeTenantRoom(key, 60, 100));
+  Put(*store, bytes);
+  EXPECT_EQ(store->size_bytes(), 60);
+}
+
+TEST_F(PostgresBlobStoreTest, WhatGoesWhileItIsPutIsThere) {
+  Options options = ExactOptions(100);
+  options.use_resolution = absl::Hours(1);
+  const auto store = Make(options);
+  const BlobKey key = Put(*store, "content");
+  database_.Do("UPDATE isomatch.blobs SET is_damaged = true");
+  pqxx::connection connection(database_.server().url());
+  pqxx::work removes(connection);
+  removes.exec("SELECT FROM isomatch.blobs FOR UPDATE");
+  std::jthread puts([&] { Put(*store, "content"); });
+  while (database_.Do("SELECT count(*) FROM pg_locks WHERE NOT granted") ==
+         "0") {
+  }
+  removes.exec("DELETE FROM isomatch.blobs");
+  removes.exec("SELECT isomatch.count_blob_bytes('tenant', -7)");
+  removes.commit();
+  puts.join();
+  EXPECT_EQ(**store->Get(key), "content");
+  EXPECT_EQ(store->size_bytes(), 7);
+}
+
 TEST_F(PostgresBlobStoreTest, ADatabaseThatDoesNotAnswerIsNoMissingBlob) {
   const auto store = Make(ExactOptions(100));
   const BlobKey key = Put(*store, "content");
@@ -342,6 +374,33 @@ TEST_F(PostgresBlobStoreTest, ADatabaseThatDoesNotAnswerIsNoMissingBlob) {
   Put(*store, "more");
   EXPECT_EQ(store->size_bytes(), 11);
   EXPECT_THAT(store->TryWriting(0), IsOk());
+}
+
+TEST_F(PostgresBlobStoreTest, EachErrorOfTheDatabaseHasItsMeaning) {
+  const auto store = Make(ExactOptions(100));
+  const BlobKey key = Put(*store, "content");
+  database_.Do(
+      "CREATE FUNCTION isomatch.fail() RETURNS trigger LANGUAGE plpgsql AS "
+      "$$ BEGIN RAISE disk_full; END $$;"
+      "CREATE TRIGGER fails BEFORE INSERT ON isomatch.blob_chunks "
+      "FOR EACH ROW EXECUTE FUNCTION isomatch.fail()");
+  EXPECT_THAT(store->Put(KeyOf("more"), "more", Keep::kPinned),
+              StatusIs(absl::StatusCode::kResourceExhausted, _));
+  EXPECT_FALSE(store->Has(KeyOf("more")));
+  EXPECT_EQ(store->size_bytes(), 7);
+
+  database_.Do("ALTER TABLE isomatch.blob_chunks RENAME TO chunks");
+  EXPECT_THAT(store->Put(KeyOf("more"), "more", Keep::kPinned),
+              IsUnavailable());
+  EXPECT_THAT(store->Get(key), IsUnavailable());
+
+  database_.Do(
+      "CREATE FUNCTION isomatch.bad_sector() RETURNS bytea LANGUAGE plpgsql AS "
+      "$$ BEGIN RAISE data_corrupted; END $$;"
+      "CREATE VIEW isomatch.blob_chunks AS SELECT tenant, sha256, index, "
+      "isomatch.bad_sector() AS content FROM isomatch.chunks");
+  EXPECT_THAT(store->Get(key), IsMissingBlob());
+  EXPECT_FALSE(store->Has(key));
 }
 
 TEST_F(PostgresBlobStoreTest, ManyMegabytesComeBackAsTheyWere) {
@@ -436,6 +495,8 @@ TEST_F(PostgresBlobStoreTest, TheCacheIsTrustedUntilAUseWouldBeWritten) {
     EXPECT_THAT(store->Get(key), IsOk());
     Make(ExactOptions(100))->Remove(key);
     EXPECT_EQ(store->Get(key).ok(), resolution > absl::ZeroDuration());
+    store->Remove(key);
+    EXPECT_THAT(store->Get(key), IsMissingBlob());
   }
 }
 

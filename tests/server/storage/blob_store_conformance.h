@@ -100,15 +100,16 @@ TYPED_TEST_P(BlobStoreConformance, WhatIsNeededStays) {
 TYPED_TEST_P(BlobStoreConformance, ATenantsOwnUnusedBlobsMakeItsRoom) {
   const auto owner = this->harness_.Make(1000);
   BlobStore& store = *owner;
-  const BlobKey needed = this->PutHeld(store, 'a', 40);
-  const BlobKey older = this->Put(store, 'b', 20, Keep::kWhileRoom);
-  const BlobKey newer = this->Put(store, 'c', 20, Keep::kWhileRoom);
   const std::string foreign(300, 'd');
   const BlobKey other = {"other", Sha256Hex(foreign)};
   ASSERT_THAT(store.Put(other, foreign, Keep::kWhileRoom), IsOk());
+  const BlobKey needed = this->PutHeld(store, 'a', 40);
+  const BlobKey older = this->Put(store, 'b', 20, Keep::kWhileRoom);
+  const BlobKey newer = this->Put(store, 'c', 20, Keep::kWhileRoom);
   const BlobKey next = this->KeyOf("next");
   EXPECT_TRUE(store.MakeTenantRoom(next, 20, 100));
   EXPECT_TRUE(store.MakeTenantRoom(needed, 40, 80));  // takes its room already
+  EXPECT_TRUE(store.MakeTenantRoom(needed, 40, 41));
   EXPECT_EQ(store.size_bytes(), 380);
   EXPECT_TRUE(store.MakeTenantRoom(next, 40, 100));
   EXPECT_FALSE(store.Has(older));
