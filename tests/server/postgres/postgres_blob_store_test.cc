@@ -50,7 +50,7 @@ class BlobDatabase {
 
   std::unique_ptr<PostgresPool> OpenPool() const {
     auto pool = PostgresPool::Open(
-        {.url = server_->url(), .patience = absl::Seconds(2)});
+        {.url = server_->url(), .patience = absl::Seconds(20)});
     EXPECT_THAT(pool, IsOk());
     return *std::move(pool);
   }
