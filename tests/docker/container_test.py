@@ -4,7 +4,9 @@ import json
 import re
 import unittest
 
+import compose
 import deployment
+from compose import edge_port, edge_socket, edge_text, published
 from deployment import IMAGE_CONFIG, ROOT
 
 HEALTH = ["/usr/bin/isomatch-server", "--health"]
@@ -20,18 +22,6 @@ def instructions():
         if name.isupper():
             found.setdefault(name, []).append(" ".join(rest.split()))
     return found
-
-
-def edge_text(name):
-    return (ROOT / "docker/edge" / name).read_text()
-
-
-def edge_port(name):
-    return int(re.search(r"^listen (\d+) ", edge_text(name), re.MULTILINE).group(1))
-
-
-def edge_socket():
-    return re.search(r"server unix:(\S+) ", edge_text("nginx.conf")).group(1)
 
 
 class ImageTest(unittest.TestCase):
@@ -91,37 +81,9 @@ class EdgeImageTest(unittest.TestCase):
         self.assertIn("USER 10001:10001\n", text)
         self.assertIn(f"/socket {edge_socket().rpartition('/')[0]}\n", text)
         self.assertIn('"-c", "/etc/isomatch-edge/nginx.conf"]', text)
-        self.assertIn("include /etc/isomatch-edge/listen.conf;", edge_text("nginx.conf"))
-
-
-def interpolated(text, variables):
-    """Replaces ${NAME:-DEFAULT}, as Compose does."""
-    return re.sub(
-        r"\$\{(\w+):-([^}]*)\}", lambda found: variables.get(found[1]) or found[2], text
-    )
-
-
-def merged(below, above, key=""):
-    """What Compose makes of two files: of lists both parts, volumes by where they are mounted."""
-    if isinstance(below, dict) and isinstance(above, dict):
-        both = {**below, **above}
-        return {name: merged(below.get(name, value), above.get(name, value), name)
-                for name, value in both.items()}  # fmt: skip
-    if isinstance(below, list) and below is not above:
-        if key == "volumes":
-            mounts = {volume.split(":")[1]: volume for volume in [*below, *above]}
-            return list(mounts.values())
-        return list(dict.fromkeys([*below, *above]))
-    return above
-
-
-def published(service, variables):
-    """Returns address, port and the container's port of each mapping."""
-    found = []
-    for mapping in service.get("ports", []):
-        *address, outside, inside = interpolated(mapping, variables).split(":")
-        found.append((":".join(address), int(outside), int(inside)))
-    return found
+        for name in ("listen.conf", "servers.conf"):
+            self.assertIn(f"include /etc/isomatch-edge/{name};", edge_text("nginx.conf"))
+            self.assertIn(f"docker/edge/{name} ", text)
 
 
 class ComposeTest(unittest.TestCase):
@@ -188,7 +150,7 @@ class ComposeTest(unittest.TestCase):
 
     def test_mounted_files_are_there(self):
         for service in self.compose["services"].values():
-            for volume in service["volumes"]:
+            for volume in service.get("volumes", []):
                 source = volume.split(":")[0]
                 if source.startswith("./"):
                     self.assertTrue((ROOT / "docker" / source).exists(), source)
@@ -216,7 +178,7 @@ class ComposeTest(unittest.TestCase):
             (ROOT / "docker/compose.tls.yaml").read_text(),
             re.MULTILINE,
         )
-        services = merged(self.compose, self.tls)["services"]
+        services = compose.running(compose.merged(self.compose, self.tls)["services"])
         port = int(edge_port("listen.tls.conf"))
         self.assertEqual(services["edge"]["volumes"][1:], self.tls["services"]["edge"]["volumes"])
         for publish, address in ((command, ""), ("", "127.0.0.1")):

@@ -3,6 +3,7 @@
 import hashlib
 import os
 import pathlib
+import re
 import shutil
 import socket
 import ssl
@@ -51,6 +52,7 @@ class EdgeTestCase(unittest.TestCase):
     """A server on a unix socket and the edge on a free port, in a folder of its own."""
 
     listen = "listen.conf"
+    servers = "servers.conf"
 
     def setUp(self):
         self.folder = pathlib.Path(self.enterContext(tempfile.TemporaryDirectory()))
@@ -64,7 +66,7 @@ class EdgeTestCase(unittest.TestCase):
         self.log = self.folder / "log"
         with self.log.open("w") as log:
             server = subprocess.Popen(
-                [deployment.SERVER, "--listen", f"unix:{self.folder}/socket",
+                [deployment.SERVER, "--listen", self.server_address(),
                  "--metrics-listen", "off", "--data-dir", self.folder / "data", *flags],
                 env=deployment.environment({}), stderr=log,
             )  # fmt: skip
@@ -87,11 +89,12 @@ class EdgeTestCase(unittest.TestCase):
         """With `changes` to its configuration, old text to new."""
         (self.folder / "tmp").mkdir()
         listen = self.configuration(self.listen, {"8443": self.port})
+        servers = self.configuration(self.servers, self.upstream())
         path = self.configuration(
             "nginx.conf",
             {
                 "/tmp/": f"{self.folder}/tmp/",
-                "/run/isomatch/socket": self.folder / "socket",
+                "/etc/isomatch-edge/servers.conf": servers,
                 "/run/secrets/isomatch/tls": self.folder / "tls",
                 "/etc/isomatch-edge/listen.conf": listen,
                 **(changes or {}),
@@ -106,6 +109,13 @@ class EdgeTestCase(unittest.TestCase):
         self.addCleanup(self.edge.wait)
         self.addCleanup(self.edge.terminate)
         wait_for(self.edge_answers)
+
+    def server_address(self):
+        return f"unix:{self.folder}/socket"
+
+    def upstream(self):
+        """Places of `servers` as in the image, and where they are here."""
+        return {"/run/isomatch/socket": self.folder / "socket"}
 
     def edge_answers(self):
         self.assertIsNone(self.edge.poll(), "nginx ended")
@@ -218,6 +228,33 @@ class CallsTest(EdgeTestCase):
             self.start_server()
             _, said = client.communicate(timeout=100)
         self.assertEqual(client.returncode, 0, said)
+
+
+class ClusterTest(EdgeTestCase):
+    """Two gateways, of which one is away; here they are two ports, not two addresses."""
+
+    servers = "servers.cluster.conf"
+
+    def setUp(self):
+        super().setUp()
+        self.gateways = [free_port(), free_port()]
+
+    def server_address(self):
+        return f"127.0.0.1:{self.gateways[1]}"
+
+    def upstream(self):
+        away, there = (f"server 127.0.0.1:{port}" for port in self.gateways)
+        options = re.search(
+            r"server gateway:7443( .*;)\n", (ROOT / "docker/edge" / self.servers).read_text()
+        ).group(1)
+        return {"server gateway:7443": f"{away}{options}\n{there}"}
+
+    def test_calls_go_to_the_gateway_that_is_there(self):
+        self.start_server()
+        self.start_edge()
+        api = self.stub()
+        for _ in range(40):
+            self.assertTrue(api.GetServerInfo(pb.GetServerInfoRequest(), timeout=20).version)
 
 
 class TlsTest(EdgeTestCase):
