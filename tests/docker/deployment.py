@@ -1,5 +1,6 @@
 """What the tests of docker/ share: the server as judge of settings."""
 
+import json
 import os
 import pathlib
 import re
@@ -23,6 +24,23 @@ TIMES = {"ms": 0.001, "s": 1, "m": 60, "h": 3600}
 
 SERVER = os.environ.get("ISOMATCH_SERVER_BINARY", "")
 CLIENT = os.environ.get("ISOMATCH_CLIENT_BINARY", "")
+NODE = os.environ.get("ISOMATCH_NODE", "")
+# tests/docker/npm with its packages.
+NODE_FOLDER = os.environ.get("ISOMATCH_NODE_FOLDER", "")
+
+
+# Metrics that only processes with --store need to export, without labels: the same at
+# each of them but for the two counters.
+CLUSTER_METRICS = [
+    "isomatch_claims_total",
+    "isomatch_cluster_jobs_queued",
+    "isomatch_cluster_jobs_running",
+    "isomatch_database_dead_rows",
+    "isomatch_database_oldest_transaction_seconds",
+    "isomatch_database_up",
+    "isomatch_leases_lost_total",
+    "isomatch_queue_oldest_seconds",
+]
 
 
 def environment(settings):
@@ -35,6 +53,16 @@ def ask_server(arguments, settings):
     return subprocess.run(
         [SERVER, *arguments], env=environment(settings), capture_output=True, text=True, timeout=60
     )
+
+
+def ask_node(script, question):
+    """Returns the answer of a script of tests/docker/npm; both are JSON."""
+    answer = subprocess.run(
+        [NODE, script], cwd=NODE_FOLDER, input=json.dumps(question), capture_output=True, text=True,
+        timeout=60,
+    )  # fmt: skip
+    assert answer.returncode == 0, answer.stderr
+    return json.loads(answer.stdout)
 
 
 def effective(config, settings):
