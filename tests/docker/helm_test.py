@@ -157,6 +157,18 @@ class ChartTest(unittest.TestCase):
             self.assertEqual("/run/secrets/isomatch/tls" in mounts, has_tls)
             self.assertEqual("/etc/isomatch-edge/listen.conf" in mounts, has_tls)
 
+    def test_the_database_of_the_manual_is_what_the_chart_wants(self):
+        [cluster] = deployment.documents(ROOT / "docker/helm/cloudnative-pg.yaml")
+        [values] = deployment.documents(CHART / "values.yaml")
+        given = cluster["spec"]["postgresql"]["parameters"]
+        self.assertEqual(given["autovacuum_naptime"], "5s")
+        gateways = values["gateway"]["autoscaling"]["maxReplicas"] + 1  # one while it is exchanged
+        workers = values["worker"]["keda"]["maxReplicas"] * 1.25
+        needed = 12 * gateways + (12 + values["worker"]["jobs"]) * workers
+        self.assertLess(needed, int(given["max_connections"]) - 10)
+        url = values_of(ROOT / "tests/docker/values/url.yaml")["database"]["urlSecret"]["name"]
+        self.assertEqual(url, f"{cluster['metadata']['name']}-app")
+
     def test_the_schema_has_every_value_and_no_other(self):
         schema = json.loads((CHART / "values.schema.json").read_text())
         [values] = deployment.documents(CHART / "values.yaml")

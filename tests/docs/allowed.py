@@ -66,14 +66,60 @@ def check_unit(words):
 
 
 def check_kubectl(words):
-    """Files exist; objects are those of the manifests."""
-    manifests = "".join(path.read_text() for path in (ROOT / "docker/kubernetes").glob("*.yaml"))
+    """Files exist; objects are those of the manifests, or of the chart's release."""
+    folder = ROOT / "docker/kubernetes"
+    manifests = "".join(path.read_text() for path in folder.glob("*.yaml"))
+    manifests += read("docker/helm/cloudnative-pg.yaml")
+    kinds = r"(statefulset|service|cluster)/"
+    files = [word for word in words if "=" not in word and not re.match(kinds, word)]
     names = [word.split("/")[-1] for word in words if word.split("/")[-1].startswith("isomatch")]
-    return check_paths([word for word in words if not word.startswith("statefulset/")]) + [
+    return check_paths(files) + [
         f"docker/kubernetes names no {name}"
         for name in names
         if not re.search(rf"[nN]ame: {name}$|namespace: {name}$", manifests, re.MULTILINE)
     ]
+
+
+def schema_has(keys):
+    """Whether the chart's schema has a value."""
+    node = json.loads(read("docker/helm/isomatch/values.schema.json"))
+    for key in keys:
+        node = node.get("properties", {}).get(key)
+        if node is None:
+            return False
+    return True
+
+
+def check_helm(words):
+    """Our chart exists, and its schema has the values that are set."""
+    problems = check_paths([word for word in words if word.startswith("docker/")])
+    if "docker/helm/isomatch" in words:
+        sets = [value for flag, value in zip(words, words[1:]) if flag == "--set"]
+        problems += [f"the chart has no value {value}" for value in sets
+                     if not schema_has(value.partition("=")[0].split("."))]  # fmt: skip
+    return problems
+
+
+def check_kind(words):
+    """Images are those of docker/build, of this version."""
+    version = re.search(r"^project\(isomatch VERSION (\S+)", read("CMakeLists.txt"), re.M).group(1)
+    images = [word for word in words if ":" in word]
+    known = [f"isomatch-{name}:{version}" for name in ("server", "edge")]
+    return [f"docker/build makes no {image}" for image in images if image not in known]
+
+
+def check_compose(words):
+    """Files exist; services and profiles are those of compose.yaml."""
+    text = read("docker/compose.yaml")
+    services = re.findall(r"^  ([a-z-]+):$", text, re.MULTILINE)
+    pairs = list(zip(words, words[1:]))
+    scaled = [value.partition("=")[0] for flag, value in pairs if flag == "--scale"]
+    scaled += [value for command, value in pairs if command == "restart"]
+    profiles = [value for flag, value in pairs if flag == "--profile"]
+    return check_paths(words) + [
+        f"compose.yaml has no service {name}" for name in scaled if name not in services
+    ] + [f"compose.yaml has no profile {name}" for name in profiles
+         if f"profiles: [{name}]" not in text]  # fmt: skip
 
 
 def check_ctest(words):
@@ -198,8 +244,10 @@ ALLOWED = [
     Allowed("build/dev/bin/core_mesh_test", "a test of its own", check_test_binary),
     Allowed("server_binary_test", "a test of its own", check_test_binary),
     Allowed("docker run", "needs a Docker daemon", check_docker_run),
-    Allowed("docker compose", "needs a Docker daemon", check_paths),
+    Allowed("docker compose", "needs a Docker daemon", check_compose),
     Allowed("kubectl", "needs a cluster", check_kubectl),
+    Allowed("helm", "needs a cluster", check_helm),
+    Allowed("kind", "needs a Docker daemon", check_kind),
     Allowed("sudo apt install", "changes the machine", check_apt),
     Allowed("apt install", "changes the machine", check_apt),
     Allowed("pip install", "uses the network", check_paths),
