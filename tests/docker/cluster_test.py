@@ -74,7 +74,7 @@ class ClusterTest(unittest.TestCase):
         self.assertEqual(self.database["image"], "postgres:15")
         given = dict(setting.split("=") for setting in self.database["command"][2::2])
         self.assertEqual(given["autovacuum_naptime"], "5s")
-        each = {"gateway": 12, "worker": 12 + int(self.config(self.worker)["workers"])}
+        each = {"gateway": 16, "worker": 16 + int(self.config(self.worker)["workers"])}
         needed = sum(count * self.services[name]["deploy"]["replicas"] for name, count in each.items())
         self.assertLessEqual(needed + RESERVED_CONNECTIONS, int(given["max_connections"]))
         volumes = [volume.split(":")[0] for volume in self.database["volumes"]]

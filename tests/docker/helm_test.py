@@ -164,10 +164,19 @@ class ChartTest(unittest.TestCase):
         self.assertEqual(given["autovacuum_naptime"], "5s")
         gateways = values["gateway"]["autoscaling"]["maxReplicas"] + 1  # one while it is exchanged
         workers = values["worker"]["keda"]["maxReplicas"] * 1.25
-        needed = 12 * gateways + (12 + values["worker"]["jobs"]) * workers
+        needed = 16 * gateways + (16 + values["worker"]["jobs"]) * workers
         self.assertLess(needed, int(given["max_connections"]) - 10)
         url = values_of(ROOT / "tests/docker/values/url.yaml")["database"]["urlSecret"]["name"]
         self.assertEqual(url, f"{cluster['metadata']['name']}-app")
+
+    def test_settings_of_all_give_way_to_those_of_a_role(self):
+        path = ROOT / "tests/docker/values/most.yaml"
+        [values] = deployment.documents(path)
+        for deployed in chart_checks.of_kind(rendered(path), "Deployment"):
+            role = chart_checks.component(deployed)
+            settings = chart_checks.config(rendered(path), deployed)
+            for flag, value in {**values["settings"], **values[role]["settings"]}.items():
+                self.assertEqual(settings[flag], value, f"{role}: {flag}")
 
     def test_the_schema_has_every_value_and_no_other(self):
         schema = json.loads((CHART / "values.schema.json").read_text())
