@@ -283,6 +283,7 @@ JobEnvironment Server::Impl::MakeJobEnvironment() {
   environment.lease = config_.lease;
   environment.blobs = stores_.blobs.get();
   environment.budget = &budget_;
+  environment.threads_per_job = plan_.threads_per_job;
   environment.runner = &runner_;
   environment.load_spec = [this](const JobRecord& record) {
     return LoadJobSpec(record, context_.parse);
@@ -376,7 +377,11 @@ ServiceContext Server::Impl::MakeContext() {
   context.metrics = &metrics_;
   context.parse = {stores_.blobs.get(), &runner_, plan_.requests,
                    plan_.threads_per_job};
-  context.workers = config_.workers;
+  if (!config_.runs_jobs()) {
+    context.parse.threads_elsewhere = [this] {
+      return manager_.workers().threads;
+    };
+  }
   context.durable = config_.is_durable();
   context.job_retention = config_.job_retention;
   context.max_run_time = config_.max_run_time;

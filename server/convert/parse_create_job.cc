@@ -316,8 +316,11 @@ absl::Status ParseScalars(const v1::CreateJobRequest& request,
   ISOMATCH_ASSIGN_OR_RETURN(spec.labels,
                             ParseLabels(request.labels(), "labels"));
   ISOMATCH_RETURN_IF_ERROR(ParseScheduling(request, spec));
-  ISOMATCH_RETURN_IF_ERROR(
-      ParseOptions(request.options(), context.threads_per_job, spec));
+  ISOMATCH_RETURN_IF_ERROR(ParseOptions(request.options(),
+                                        context.threads_elsewhere
+                                            ? context.threads_elsewhere()
+                                            : context.threads_per_job,
+                                        spec));
   ISOMATCH_ASSIGN_OR_RETURN(
       spec.queue_timeout,
       ParseTimeout(request.has_queue_timeout(), request.queue_timeout(),

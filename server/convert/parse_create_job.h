@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <string>
 
 #include "absl/status/statusor.h"
@@ -18,6 +19,9 @@ struct ParseContext {
   RequestLimits limits;
   /// What a job gets that asks for 0 threads, and the most it gets.
   int threads_per_job = 1;
+  /// The same where other processes run the jobs; takes the place of the
+  /// number.
+  std::function<int()> threads_elsewhere = {};
 };
 
 /// Returns the job that the tenant's request describes, its meshes decoded and

@@ -73,7 +73,7 @@ void ClusterMember::Renew() {
   if (registers && now - registered_ > kRegisterInterval &&
       environment_.shared
           ->Register({environment_.process, kVersion,
-                      environment_.limits.workers,
+                      environment_.limits.workers, environment_.threads_per_job,
                       environment_.budget->total_bytes()})
           .ok()) {
     registered_ = now;

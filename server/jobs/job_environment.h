@@ -88,6 +88,8 @@ struct JobEnvironment {
   absl::Duration lease = absl::Seconds(15);
   BlobStore* blobs = nullptr;
   MemoryBudget* budget = nullptr;
+  /// Threads of each job.
+  int threads_per_job = 1;
   const JobRunner* runner = nullptr;
   /// Reads a job again from its inputs.
   std::function<absl::StatusOr<JobSpec>(const JobRecord&)> load_spec;

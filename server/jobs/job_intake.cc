@@ -115,7 +115,7 @@ absl::StatusOr<JobSnapshot> JobIntake::Create(const Caller& caller,
       FindRequest(caller, spec.request_id, spec.request_sha256));
   if (before) return *std::move(before);
   JobRecord record = NewRecord(caller, spec);
-  const std::int64_t budget_bytes = scheduler_.LargestJobBytes();
+  const std::int64_t budget_bytes = scheduler_.Workers().job_bytes;
   if (record.memory_estimate_bytes > budget_bytes) {
     return JobNeedsMoreMemoryThanBudget(record.memory_estimate_bytes,
                                         budget_bytes);

@@ -127,6 +127,9 @@ class JobManager {
 
   JobLoad load() const { return scheduler_.load(); }
 
+  /// What jobs may count on.
+  WorkerFigures workers() const { return scheduler_.Workers(); }
+
   /// How many jobs wait, by priority.
   std::map<std::int32_t, int> queued_by_priority() const {
     return scheduler_.queued_by_priority();

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <limits>
 #include <new>
 #include <optional>
 #include <utility>
@@ -98,9 +99,16 @@ absl::StatusOr<QueueRoom> JobScheduler::SharedRoomFor(
   return QueueRoom{draining_, queued, *of_tenant};
 }
 
-std::int64_t JobScheduler::LargestJobBytes() const {
-  return is_shared() ? shared_queue_.LargestWorkerBytes()
-                     : environment_.budget->total_bytes();
+WorkerFigures JobScheduler::Workers() const {
+  const WorkerFigures own = {.slots = environment_.limits.workers,
+                             .threads = environment_.threads_per_job,
+                             .job_bytes = environment_.budget->total_bytes()};
+  if (!is_shared()) return own;
+  const WorkerFigures all = shared_queue_.Workers();
+  if (all.slots > 0) return all;
+  return {.slots = own.slots,
+          .threads = own.threads,
+          .job_bytes = std::numeric_limits<std::int64_t>::max()};
 }
 
 JobSnapshot JobScheduler::SnapshotOf(JobRecord record) const {

@@ -100,8 +100,9 @@ class JobScheduler {
   /// The same of a store that others share; UNAVAILABLE.
   absl::StatusOr<QueueRoom> SharedRoomFor(const std::string& tenant);
   JobSnapshot SnapshotOf(JobRecord record) const;
-  /// What one job may need at most.
-  std::int64_t LargestJobBytes() const;
+  /// What jobs may count on: of all workers, where a store is shared. While
+  /// none of those is known, a job may need whatever it wants.
+  WorkerFigures Workers() const;
   RunningJobs& runs() { return runs_; }
 
   // Starting.

@@ -124,18 +124,18 @@ QueueCounts SharedQueue::Counts() {
   return Refresh(counts_, [&] { return environment_.shared->Count(); });
 }
 
-std::int64_t SharedQueue::LargestWorkerBytes() {
-  const std::int64_t known =
-      Refresh(largest_bytes_, [&]() -> absl::StatusOr<std::int64_t> {
-        const auto workers = environment_.shared->Workers(kWorkerAge);
-        if (!workers.ok()) return workers.status();
-        std::int64_t most = 0;
-        for (const WorkerEntry& worker : *workers) {
-          most = std::max(most, worker.memory_bytes);
-        }
-        return most;
-      });
-  return known > 0 ? known : environment_.budget->total_bytes();
+WorkerFigures SharedQueue::Workers() {
+  return Refresh(workers_, [&]() -> absl::StatusOr<WorkerFigures> {
+    const auto workers = environment_.shared->Workers(kWorkerAge);
+    if (!workers.ok()) return workers.status();
+    WorkerFigures all;
+    for (const WorkerEntry& worker : *workers) {
+      all.slots += worker.slots;
+      all.threads = std::max(all.threads, worker.threads);
+      all.job_bytes = std::max(all.job_bytes, worker.memory_bytes);
+    }
+    return all;
+  });
 }
 
 }  // namespace isomatch

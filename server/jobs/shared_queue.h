@@ -16,6 +16,15 @@
 
 namespace isomatch {
 
+/// What jobs may count on.
+struct WorkerFigures {
+  /// Jobs at a time.
+  int slots = 0;
+  /// The most threads, and the most memory, that one job gets.
+  int threads = 0;
+  std::int64_t job_bytes = 0;
+};
+
 /// The queue that several processes share, as one of them sees it: what it asks
 /// often is at most a second old. Thread-safe; no lock is held while the store
 /// is called.
@@ -40,9 +49,8 @@ class SharedQueue {
     return environment_.shared->CountQueuedOf(tenant);
   }
 
-  /// Returns what the largest of the workers has for one job; what this process
-  /// has when none is known.
-  std::int64_t LargestWorkerBytes();
+  /// Returns what all workers have; nothing when none is known.
+  WorkerFigures Workers();
 
  private:
   /// A value of the store, and when it was asked for.
@@ -72,7 +80,7 @@ class SharedQueue {
   std::deque<std::string> meshes_ ABSL_GUARDED_BY(mutex_);
   Recent<Positions> positions_ ABSL_GUARDED_BY(mutex_);
   Recent<QueueCounts> counts_ ABSL_GUARDED_BY(mutex_);
-  Recent<std::int64_t> largest_bytes_ ABSL_GUARDED_BY(mutex_);
+  Recent<WorkerFigures> workers_ ABSL_GUARDED_BY(mutex_);
 };
 
 }  // namespace isomatch

@@ -293,10 +293,13 @@ absl::StatusOr<int> PostgresJobStore::CountQueuedOf(const std::string& tenant) {
 absl::Status PostgresJobStore::Register(const WorkerEntry& entry) {
   return pool_
       .Ask(Repeat::kOnce,
-           "INSERT INTO isomatch.workers (worker, version, slots, memory_bytes)"
-           " VALUES ($1, $2, $3, $4) ON CONFLICT (worker) DO UPDATE SET "
-           "version = $2, slots = $3, memory_bytes = $4, seen = now()",
-           entry.worker, entry.version, entry.slots, entry.memory_bytes)
+           "INSERT INTO isomatch.workers "
+           "(worker, version, slots, threads, memory_bytes) "
+           "VALUES ($1, $2, $3, $4, $5) ON CONFLICT (worker) DO UPDATE SET "
+           "version = $2, slots = $3, threads = $4, memory_bytes = $5, "
+           "seen = now()",
+           entry.worker, entry.version, entry.slots, entry.threads,
+           entry.memory_bytes)
       .status();
 }
 
@@ -314,13 +317,14 @@ absl::StatusOr<std::vector<WorkerEntry>> PostgresJobStore::Workers(
   ISOMATCH_ASSIGN_OR_RETURN(
       const pqxx::result rows,
       pool_.Ask(Repeat::kOnce,
-                "SELECT worker, version, slots, memory_bytes FROM "
+                "SELECT worker, version, slots, threads, memory_bytes FROM "
                 "isomatch.workers WHERE seen > now() - $1::interval",
                 IntervalOf(age)));
   std::vector<WorkerEntry> workers;
   for (const pqxx::row& row : rows) {
     workers.push_back({row[0].as<std::string>(), row[1].as<std::string>(),
-                       row[2].as<int>(), row[3].as<std::int64_t>()});
+                       row[2].as<int>(), row[3].as<int>(),
+                       row[4].as<std::int64_t>()});
   }
   return workers;
 }

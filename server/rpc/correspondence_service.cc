@@ -152,13 +152,13 @@ absl::Status Inform(const ServiceContext& context, const Caller& caller,
   response.set_version(kVersion);
   SetLimits(context.parse.limits, *response.mutable_limits());
   response.mutable_limits()->set_max_priority(caller.max_priority);
-  response.set_workers(static_cast<std::uint32_t>(context.workers));
-  response.set_threads_per_job(
-      static_cast<std::uint32_t>(context.parse.threads_per_job));
+  const WorkerFigures workers = context.manager->workers();
+  response.set_workers(static_cast<std::uint32_t>(workers.slots));
+  response.set_threads_per_job(static_cast<std::uint32_t>(workers.threads));
   response.set_queued_jobs(static_cast<std::uint32_t>(load.queued_jobs));
   response.set_running_jobs(static_cast<std::uint32_t>(load.running_jobs));
   response.set_memory_budget_bytes(
-      static_cast<std::uint64_t>(context.budget->total_bytes()));
+      static_cast<std::uint64_t>(workers.job_bytes));
   response.set_memory_reserved_bytes(
       static_cast<std::uint64_t>(context.budget->reserved_bytes()));
   response.set_draining(load.draining);

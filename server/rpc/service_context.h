@@ -43,7 +43,6 @@ struct ServiceContext {
   TenantTurns* disk;
   Metrics* metrics = &NullMetrics();
   ParseContext parse;
-  int workers = 1;
   bool durable = false;
   absl::Duration job_retention = absl::InfiniteDuration();
   /// Zero for no limit.

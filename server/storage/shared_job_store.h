@@ -46,7 +46,9 @@ struct LeasedJob {
 struct WorkerEntry {
   std::string worker;
   std::string version;
+  /// Jobs at a time, and threads of each.
   int slots = 0;
+  int threads = 0;
   /// What its jobs may reserve together: the most that one job may need.
   std::int64_t memory_bytes = 0;
 };

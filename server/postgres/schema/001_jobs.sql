@@ -94,7 +94,9 @@ CREATE TABLE isomatch.tenants (
 CREATE TABLE isomatch.workers (
   worker text PRIMARY KEY,
   version text NOT NULL,
+  -- Jobs at a time, and threads of each.
   slots int NOT NULL,
+  threads int NOT NULL,
   memory_bytes bigint NOT NULL,
   seen timestamptz NOT NULL DEFAULT now()
 ) WITH (fillfactor = 50);

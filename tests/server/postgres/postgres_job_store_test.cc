@@ -307,11 +307,15 @@ TEST_F(PostgresQueueTest, QueueTimeoutsAndWatchersCountByTheDatabasesClock) {
 }
 
 TEST_F(PostgresQueueTest, WorkersAndChoresAreKnownToAll) {
-  ASSERT_THAT(store().Register({"one", "1", 2, 100}), IsOk());
-  ASSERT_THAT(store().Register({"two", "1", 1, 300}), IsOk());
+  ASSERT_THAT(store().Register({"one", "1", 2, 4, 100}), IsOk());
+  ASSERT_THAT(store().Register({"two", "1", 1, 8, 300}), IsOk());
   EXPECT_THAT(*store().Workers(absl::Seconds(30)), SizeIs(2));
   ASSERT_THAT(store().Unregister("one"), IsOk());
-  EXPECT_EQ(store().Workers(absl::Seconds(30))->front().memory_bytes, 300);
+  const WorkerEntry left = store().Workers(absl::Seconds(30))->front();
+  EXPECT_EQ(left.worker, "two");
+  EXPECT_EQ(left.slots, 1);
+  EXPECT_EQ(left.threads, 8);
+  EXPECT_EQ(left.memory_bytes, 300);
   EXPECT_TRUE(*store().HoldChore("c", "one", absl::Milliseconds(100)));
   EXPECT_FALSE(*store().HoldChore("c", "two", absl::Milliseconds(100)));
   EXPECT_TRUE(*store().HoldChore("c", "one", absl::Milliseconds(100)));
