@@ -9,7 +9,6 @@
 
 #include <grpcpp/grpcpp.h>
 #include <openssl/rand.h>
-#include <unistd.h>
 
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
@@ -25,6 +24,7 @@
 #include "server/jobs/retention_clock.h"
 #include "server/logging/log.h"
 #include "server/machine/machine.h"
+#include "server/machine/process_name.h"
 #include "server/machine/process_memory.h"
 #include "server/machine/thread_pool.h"
 #include "server/metrics/prometheus_metrics.h"
@@ -68,13 +68,6 @@ constexpr TenantTurns::Limits kReadsOfTenant = {
 /// Any number of a tenant's calls may wait for the disk: each takes little.
 constexpr TenantTurns::Limits kAnyNumber = {
     .max_waiting_per_tenant = std::numeric_limits<int>::max()};
-
-/// A name that no process has or had: where it runs and a few random digits.
-std::string ProcessName(const std::string& random) {
-  char host[256] = "";
-  (void)gethostname(host, sizeof(host) - 1);
-  return absl::StrCat(host, "-", getpid(), "-", random.substr(0, 8));
-}
 
 std::string RandomId() {
   std::string bytes(16, '\0');

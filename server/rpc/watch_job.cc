@@ -1,5 +1,6 @@
 #include "server/rpc/watch_job.h"
 
+#include <algorithm>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -20,11 +21,13 @@
 namespace isomatch {
 namespace {
 
+constexpr absl::Duration kFirstHeartbeat = absl::Seconds(1);
+
 /// One watcher of one job.
 ///
-///   1. Begin: registers with the manager, sets the heartbeat, and writes the
-///      newest snapshot, news or not: who was cut off learns that the server is
-///      there.
+///   1. Begin: registers with the manager, sets the heartbeat, pumps once. The
+///      first heartbeat comes early: who was cut off learns that there is a
+///      server, and begins to count failures anew.
 ///   2. OnJobChanged or the heartbeat: pumps. If a write is under way only a
 ///      flag is set, so that a slow reader costs one message and no queue.
 ///   3. Pump: reads the newest snapshot, if the store answers, and writes it if
@@ -53,8 +56,8 @@ class WatchJobReactor final
   void Begin() {
     self_ = shared_from_this();
     context_.manager->watchers().Add(id_, self_);
-    SetHeartbeat();
-    PumpSoon(/*heartbeat=*/true);
+    SetHeartbeat(std::min(context_.watch_heartbeat, kFirstHeartbeat));
+    PumpSoon(/*heartbeat=*/false);
   }
 
   void OnJobChanged() override { PumpSoon(/*heartbeat=*/false); }
@@ -89,8 +92,8 @@ class WatchJobReactor final
   }
 
  private:
-  void SetHeartbeat() {
-    alarm_.Set(absl::ToChronoTime(absl::Now() + context_.watch_heartbeat),
+  void SetHeartbeat(absl::Duration pause) {
+    alarm_.Set(absl::ToChronoTime(absl::Now() + pause),
                [weak = weak_from_this()](bool ok) {
                  const auto self = weak.lock();
                  if (ok && self != nullptr) self->Beat();
@@ -101,7 +104,7 @@ class WatchJobReactor final
     PumpSoon(/*heartbeat=*/true);
     // Under the lock, so that OnDone's Cancel comes after it.
     MutexLock lock(mutex_);
-    if (!finished_) SetHeartbeat();
+    if (!finished_) SetHeartbeat(context_.watch_heartbeat);
   }
 
   /// Pumps in another thread where jobs are in a database; once for all who ask
