@@ -237,13 +237,13 @@ Server::Impl::~Impl() {
   Shutdown(absl::ZeroDuration());
   if (prometheus_ != nullptr) prometheus_->Close();
   partial_uploads_.Clear();
+  cluster_.reset();
   intake_.reset();
   changes_.reset();
   reads_.reset();
   disk_.reset();
   upkeep_.reset();
   watch_.reset();
-  cluster_.reset();
   workers_.reset();
   timers_.reset();
 }

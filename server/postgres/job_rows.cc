@@ -114,6 +114,28 @@ std::string ArrayOf(const std::vector<std::string>& texts) {
   return array + "}";
 }
 
+std::string WithoutZeros(const std::string& text) {
+  std::string written;
+  for (const char c : text) {
+    if (c == '\0') {
+      written += "\1\2";
+    } else if (c == '\1') {
+      written += "\1\1";
+    } else {
+      written += c;
+    }
+  }
+  return written;
+}
+
+std::string LabelsJson(const std::map<std::string, std::string>& labels) {
+  nlohmann::json json = nlohmann::json::object();
+  for (const auto& [key, value] : labels) {
+    json[WithoutZeros(key)] = WithoutZeros(value);
+  }
+  return json.dump();
+}
+
 std::string IntervalOf(absl::Duration duration) {
   return absl::StrCat(absl::ToInt64Microseconds(duration), " microseconds");
 }
@@ -157,8 +179,8 @@ absl::Status InsertRow(PostgresPool& pool, JobRecord& record,
                "(extract(epoch FROM created) * 1000000)::bigint "
                "FROM isomatch.insert_job($1, $2, $3, $4::jsonb, $5::bytea, $6, "
                "$7, $8, $9::interval, $10::interval, $11::text[])",
-               record.id, record.tenant, record.request_id,
-               nlohmann::json(record.labels).dump(),
+               record.id, record.tenant, WithoutZeros(record.request_id),
+               LabelsJson(record.labels),
                pqxx::binarystring(EncodeJobRecord(record)), record.priority,
                record.shared_priority, record.memory_estimate_bytes,
                OrNull(queue_timeout), OrNull(unwatched_grace),

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -42,6 +43,13 @@ std::string ArrayOfNumbers(const std::vector<Number>& numbers) {
   }
   return array + "}";
 }
+
+/// Returns other text for every text, without bytes of 0, which PostgreSQL has
+/// none of. For what is looked for: what is shown is in the record.
+std::string WithoutZeros(const std::string& text);
+
+/// Returns labels as JSON that can be looked for.
+std::string LabelsJson(const std::map<std::string, std::string>& labels);
 
 /// Returns an interval of PostgreSQL.
 std::string IntervalOf(absl::Duration duration);

@@ -4,8 +4,6 @@
 #include <cstdint>
 #include <utility>
 
-#include <nlohmann/json.hpp>
-
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "core/base/status_macros.h"
@@ -60,7 +58,7 @@ absl::StatusOr<JobRecord> PostgresJobStore::FindByRequestId(
   return TheOne(pool_.Ask(Repeat::kOnce,
                           SelectJobs("WHERE j.tenant = $1 AND j.request_id = $2"
                                      " AND j.request_id <> ''"),
-                          tenant, request_id),
+                          tenant, WithoutZeros(request_id)),
                 absl::StrCat("of request ", request_id));
 }
 
@@ -91,7 +89,7 @@ absl::StatusOr<std::vector<JobRecord>> PostgresJobStore::List(
                            "AND j.labels @> $4::jsonb "
                            "ORDER BY j.number DESC LIMIT $5"),
                 OrNull(filter.tenant), filter.before_number,
-                ArrayOfNumbers(states), nlohmann::json(filter.labels).dump(),
+                ArrayOfNumbers(states), LabelsJson(filter.labels),
                 std::max(filter.limit, 0)));
   return RecordsOf(rows);
 }

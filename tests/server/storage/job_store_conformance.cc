@@ -107,6 +107,19 @@ TEST_P(JobStoreTest, ListsOnlyJobsThatHaveAllLabels) {
               ElementsAre("b"));
 }
 
+TEST_P(JobStoreTest, AnyByteOfATextIsLookedFor) {
+  JobStore& store = kept_->store();
+  const std::string zero("r\0", 2);
+  const std::string one("r\1\2", 3);
+  JobRecord job = NewJob("a", zero);
+  job.labels = {{zero, "x"}};
+  ASSERT_THAT(store.Insert(job), IsOk());
+  ASSERT_THAT(store.Insert(NewJob("b", one)), IsOk());
+  EXPECT_EQ(store.FindByRequestId("", zero)->request_id, zero);
+  EXPECT_EQ(store.FindByRequestId("", one)->id, "b");
+  EXPECT_THAT(IdsOf(*store.List({.labels = {{zero, "x"}}})), ElementsAre("a"));
+}
+
 TEST_P(JobStoreTest, OnlyTerminalJobsAreDeleted) {
   JobStore& store = kept_->store();
   ASSERT_THAT(store.Insert(NewJob("a", "r")), IsOk());
