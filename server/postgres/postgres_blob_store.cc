@@ -66,7 +66,7 @@ void AppendHex(absl::string_view digits, std::string& bytes) {
 
 absl::Status PostgresBlobStore::Put(const BlobKey& key, std::string bytes,
                                     Keep /*keep*/) {
-  const absl::Status used = Use(key).status();
+  absl::Status used = Use(key).status();
   if (!absl::IsNotFound(used)) return used;
   ISOMATCH_RETURN_IF_ERROR(MakeRoom(key,
                                     static_cast<std::int64_t>(bytes.size()),
@@ -139,29 +139,27 @@ bool PostgresBlobStore::Pin(const BlobKey& key) {
 bool PostgresBlobStore::Has(const BlobKey& key) { return Use(key).ok(); }
 
 absl::StatusOr<BlobStore::Blob> PostgresBlobStore::Get(const BlobKey& key) {
-  std::optional<BlobCache::Entry> cached = cache_.Find(key);
+  const std::optional<BlobCache::Entry> cached = cache_.Find(key);
   const SteadyClock::time_point now = SteadyClock::now();
   if (cached && now - cached->known_at < use_resolution_) return cached->blob;
+  absl::StatusOr<Blob> blob = Fetch(key, cached ? cached->blob : nullptr);
+  if (blob.ok()) cache_.Put({key, *blob, now});
+  if (absl::IsNotFound(blob.status())) cache_.Remove(key);
+  return blob;
+}
+
+absl::StatusOr<BlobStore::Blob> PostgresBlobStore::Fetch(const BlobKey& key,
+                                                         Blob known) {
   for (;;) {
-    const absl::StatusOr<Found> found = Use(key);
-    if (!found.ok()) {
-      if (absl::IsNotFound(found.status())) cache_.Remove(key);
-      return found.status();
+    ISOMATCH_ASSIGN_OR_RETURN(const Found found, Use(key));
+    if (known != nullptr) return known;
+    absl::StatusOr<std::string> bytes = Read(key, found);
+    if (bytes.ok()) {
+      return std::make_shared<const std::string>(*std::move(bytes));
     }
-    if (!cached) {
-      absl::StatusOr<std::string> bytes = Read(key, *found);
-      if (absl::IsDataLoss(bytes.status())) {
-        // Now it is missing, or somebody has put it again.
-        ISOMATCH_RETURN_IF_ERROR(SetDamaged(key, *found));
-        continue;
-      }
-      ISOMATCH_RETURN_IF_ERROR(bytes.status());
-      cached = {key, std::make_shared<const std::string>(*std::move(bytes)),
-                now};
-    }
-    cached->known_at = now;
-    cache_.Put(*cached);
-    return cached->blob;
+    if (!absl::IsDataLoss(bytes.status())) return bytes.status();
+    // Now it is missing, or somebody has put it again.
+    ISOMATCH_RETURN_IF_ERROR(SetDamaged(key, found));
   }
 }
 
@@ -208,22 +206,21 @@ void PostgresBlobStore::Remove(const BlobKey& key) {
 }
 
 absl::Status PostgresBlobStore::TryWriting(std::int64_t bytes) {
-  const absl::Status written = absl::CancelledError("to be taken back");
   const absl::Status status = pool_.Run([&](pqxx::work& transaction) {
     transaction.exec_params(
         "INSERT INTO isomatch.blob_probe (content) "
         "SELECT convert_to(repeat('x', $1::int), 'UTF8') "
         "FROM generate_series(1, $2::int)",
         kChunkBytes, CountChunks(bytes) + 1);
-    return written;
+    return absl::CancelledError("to be taken back");
   });
-  return status == written ? absl::OkStatus() : StorageError(status);
+  return absl::IsCancelled(status) ? absl::OkStatus() : StorageError(status);
 }
 
 bool PostgresBlobStore::CanMakeRoom(std::int64_t bytes) const {
   const std::int64_t most = options_.capacity_bytes - bytes;
   if (size_bytes() <= most) return true;
-  const std::optional<std::int64_t> unused = Refresh(unused_, [this] {
+  const std::optional<std::int64_t> unused = unused_.Read([this] {
     return pool_.Ask(Repeat::kOnce,
                      "SELECT coalesce(sum(bytes), 0)::bigint "
                      "FROM isomatch.unused_blobs "
@@ -234,7 +231,7 @@ bool PostgresBlobStore::CanMakeRoom(std::int64_t bytes) const {
 }
 
 std::int64_t PostgresBlobStore::size_bytes() const {
-  const std::optional<std::int64_t> total = Refresh(total_, [this] {
+  const std::optional<std::int64_t> total = total_.Read([this] {
     return pool_.Ask(Repeat::kOnce,
                      "SELECT coalesce(sum(bytes), 0)::bigint "
                      "FROM isomatch.blob_totals");
@@ -242,21 +239,20 @@ std::int64_t PostgresBlobStore::size_bytes() const {
   return total.value_or(0);
 }
 
-std::optional<std::int64_t> PostgresBlobStore::Refresh(
-    Figure& figure,
-    const std::function<absl::StatusOr<pqxx::result>()>& ask) const {
+std::optional<std::int64_t> PostgresBlobStore::Figure::Read(
+    const std::function<absl::StatusOr<pqxx::result>()>& ask) {
   const SteadyClock::time_point now = SteadyClock::now();
   {
     MutexLock lock(mutex_);
-    if (figure.is_known && now - figure.read_at < figures_age_) {
-      return figure.bytes;
-    }
+    if (bytes_ && now - read_at_ < max_age_) return bytes_;
   }
   const absl::StatusOr<pqxx::result> rows = ask();
   MutexLock lock(mutex_);
-  if (rows.ok()) figure = {rows->front()[0].as<std::int64_t>(), now, true};
-  if (!figure.is_known) return std::nullopt;
-  return figure.bytes;
+  if (rows.ok()) {
+    bytes_ = rows->front()[0].as<std::int64_t>();
+    read_at_ = now;
+  }
+  return bytes_;
 }
 
 }  // namespace isomatch

@@ -75,11 +75,22 @@ class PostgresBlobStore : public BlobStore {
     std::int64_t version = 0;
   };
 
-  /// A sum over the table, and when it was read.
-  struct Figure {
-    std::int64_t bytes = 0;
-    std::chrono::steady_clock::time_point read_at = {};
-    bool is_known = false;
+  /// A sum over a table, which is not read again for a while. Thread-safe.
+  class Figure {
+   public:
+    explicit Figure(absl::Duration max_age)
+        : max_age_(absl::ToChronoMicroseconds(max_age)) {}
+
+    /// Returns what `ask` reads, or has read; the old one when the database
+    /// does not answer, if there is one.
+    std::optional<std::int64_t> Read(
+        const std::function<absl::StatusOr<pqxx::result>()>& ask);
+
+   private:
+    const std::chrono::microseconds max_age_;
+    Mutex mutex_;
+    std::optional<std::int64_t> bytes_ ABSL_GUARDED_BY(mutex_);
+    std::chrono::steady_clock::time_point read_at_ ABSL_GUARDED_BY(mutex_);
   };
 
   /// Counts as a use. NOT_FOUND; UNAVAILABLE.
@@ -96,6 +107,9 @@ class PostgresBlobStore : public BlobStore {
   /// RESOURCE_EXHAUSTED: there is none; or UNAVAILABLE.
   absl::Status MakeRoom(const BlobKey& key, std::int64_t bytes, Room room);
 
+  /// Get, without the cache; `known` if not null, once it is known to be there.
+  absl::StatusOr<Blob> Fetch(const BlobKey& key, Blob known);
+
   /// Reads the content and checks it. DATA_LOSS: it is not what was put, or was
   /// removed meanwhile; UNAVAILABLE.
   absl::StatusOr<std::string> Read(const BlobKey& key, const Found& found);
@@ -103,22 +117,13 @@ class PostgresBlobStore : public BlobStore {
   /// From now on it is as good as missing, unless it was put again meanwhile.
   absl::Status SetDamaged(const BlobKey& key, const Found& found);
 
-  /// Returns the figure, which `ask` reads when it is too old; the old one when
-  /// the database does not answer, if there is one.
-  std::optional<std::int64_t> Refresh(
-      Figure& figure,
-      const std::function<absl::StatusOr<pqxx::result>()>& ask) const;
-
   PostgresPool& pool_;
   const Options options_;
   const std::chrono::microseconds use_resolution_ =
       absl::ToChronoMicroseconds(options_.use_resolution);
-  const std::chrono::microseconds figures_age_ =
-      absl::ToChronoMicroseconds(options_.figures_age);
   BlobCache cache_;
-  mutable Mutex mutex_;
-  mutable Figure total_ ABSL_GUARDED_BY(mutex_);
-  mutable Figure unused_ ABSL_GUARDED_BY(mutex_);
+  mutable Figure total_{options_.figures_age};
+  mutable Figure unused_{options_.figures_age};
 };
 
 }  // namespace isomatch

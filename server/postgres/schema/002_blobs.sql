@@ -245,7 +245,7 @@ BEGIN
   END IF;
   FOR i IN 1 .. cardinality(digests) LOOP
     freed := freed + isomatch.delete_locked_blob(tenants[i], digests[i]);
-    EXIT WHEN freed >= least(missing, 64 * 1024 * 1024);
+    EXIT WHEN freed >= 64 * 1024 * 1024;
   END LOOP;
   RETURN greatest(missing - freed, 0);
 END $$;

@@ -128,7 +128,7 @@ class PostgresBlobStoreTest : public testing::Test {
   }
 
   static BlobKey Put(BlobStore& store, const std::string& bytes) {
-    const BlobKey key = KeyOf(bytes);
+    BlobKey key = KeyOf(bytes);
     EXPECT_THAT(store.Put(key, bytes, Keep::kWhileRoom), IsOk());
     return key;
   }
@@ -426,11 +426,13 @@ TEST_F(PostgresBlobStoreTest, TheSameMayBePutByManyAtOnce) {
   const std::string bytes = ManyBytes(3 * kMiB, 3);
   const BlobKey key = KeyOf(bytes);
   std::vector<std::unique_ptr<PostgresBlobStore>> stores;
+  stores.reserve(kThreads);
   for (int i = 0; i < kThreads; ++i) {
     stores.push_back(Make(ExactOptions(100 * kMiB)));
   }
   for (int round = 0; round < 5; ++round) {
     std::vector<std::jthread> threads;
+    threads.reserve(kThreads);
     for (const auto& store : stores) {
       threads.emplace_back([&] {
         EXPECT_THAT(store->Put(key, bytes, Keep::kPinned), IsOk());
@@ -450,6 +452,7 @@ TEST_F(PostgresBlobStoreTest, TheSameMayBePutByManyAtOnce) {
 TEST_F(PostgresBlobStoreTest, TotalsAreRightWhateverHappensAtOnce) {
   constexpr int kThreads = 6;
   std::vector<std::jthread> threads;
+  threads.reserve(kThreads);
   for (int i = 0; i < kThreads; ++i) {
     threads.emplace_back([this, i] {
       const auto store = Make(ExactOptions(1000));

@@ -39,13 +39,13 @@ class BlobStoreConformance : public testing::Test {
   /// Stores `size` bytes of `fill` and returns their key.
   static BlobKey Put(BlobStore& store, char fill, size_t size, Keep keep) {
     std::string bytes(size, fill);
-    const BlobKey key = KeyOf(bytes);
+    BlobKey key = KeyOf(bytes);
     EXPECT_THAT(store.Put(key, std::move(bytes), keep), IsOk());
     return key;
   }
 
   BlobKey PutHeld(BlobStore& store, char fill, size_t size) {
-    const BlobKey key = Put(store, fill, size, Keep::kWhileRoom);
+    BlobKey key = Put(store, fill, size, Keep::kWhileRoom);
     harness_.Hold(store, key);
     return key;
   }
@@ -130,6 +130,7 @@ TYPED_TEST_P(BlobStoreConformance,
   std::atomic<int> refused = 0;
   {
     std::vector<std::jthread> threads;
+    threads.reserve(kThreads);
     for (int i = 0; i < kThreads; ++i) {
       threads.emplace_back([&, i] {
         const std::string bytes(100, static_cast<char>('a' + i));

@@ -63,7 +63,7 @@ class CountedPinsTest : public testing::Test {
  protected:
   static BlobKey PutPinned(BlobStore& store, char fill) {
     const std::string bytes(60, fill);
-    const BlobKey key = {"tenant", Sha256Hex(bytes)};
+    BlobKey key = {"tenant", Sha256Hex(bytes)};
     EXPECT_THAT(store.Put(key, bytes, Keep::kPinned), IsOk());
     return key;
   }
