@@ -18,6 +18,8 @@ constexpr std::int64_t kChunkBytes = 256 * 1024;
 /// Rows that one statement writes or reads: 4 MiB, so that it ends in time, and
 /// neither side needs memory for much more than the blob.
 constexpr int kChunksAtOnce = 16;
+/// How often Get reads what others put again meanwhile.
+constexpr int kAttempts = 5;
 
 using Repeat = PostgresPool::Repeat;
 using SteadyClock = std::chrono::steady_clock;
@@ -150,7 +152,7 @@ absl::StatusOr<BlobStore::Blob> PostgresBlobStore::Get(const BlobKey& key) {
 
 absl::StatusOr<BlobStore::Blob> PostgresBlobStore::Fetch(const BlobKey& key,
                                                          Blob known) {
-  for (;;) {
+  for (int attempt = 0; attempt < kAttempts; ++attempt) {
     ISOMATCH_ASSIGN_OR_RETURN(const Found found, Use(key));
     if (known != nullptr) return known;
     absl::StatusOr<std::string> bytes = Read(key, found);
@@ -161,6 +163,8 @@ absl::StatusOr<BlobStore::Blob> PostgresBlobStore::Fetch(const BlobKey& key,
     // Now it is missing, or somebody has put it again.
     ISOMATCH_RETURN_IF_ERROR(SetDamaged(key, found));
   }
+  return absl::UnavailableError(
+      absl::StrCat(key.sha256, " was put again and again while it was read"));
 }
 
 absl::StatusOr<std::string> PostgresBlobStore::Read(const BlobKey& key,
