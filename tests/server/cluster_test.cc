@@ -1,0 +1,231 @@
+// Gateways and workers within the test's process, on a real PostgreSQL: what
+// one process says, and what another hears.
+
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "absl/time/clock.h"
+#include "server/server.h"
+#include "server/shared_stores.h"
+#include "tests/server/postgres/test_database.h"
+#include "tests/server/test_server.h"
+#include "tests/support/matchers.h"
+
+namespace isomatch {
+namespace {
+
+/// The fixture's own server is the first gateway; there is no worker at first.
+class ClusterTest : public TestServer {
+ protected:
+  void SetUp() override {
+    ASSERT_THAT(NewDatabase(), IsOk());  // its tables stay
+    server_ = Start(Config("gateway"));
+    channel_ = grpc::CreateChannel(server_->address(),
+                                   grpc::InsecureChannelCredentials());
+    stub_ = v1::CorrespondenceService::NewStub(channel_);
+  }
+
+  static ServerConfig Config(const std::string& role) {
+    ServerConfig config = TestConfig();
+    config.store = (*TheServer())->url();
+    config.role = role;
+    config.log_level = "off";
+    config.lease = absl::Seconds(2);
+    config.unwatched_grace = absl::Milliseconds(500);
+    config.unresponsive_grace = absl::Seconds(1);
+    if (role == "worker") config.listen = "";
+    return config;
+  }
+
+  std::unique_ptr<Server> Start(const ServerConfig& config) {
+    auto created =
+        Server::Create(config, GatedEngine(), nullptr, OpenAnyStores);
+    EXPECT_THAT(created, IsOk());
+    return created.ok() ? *std::move(created) : nullptr;
+  }
+
+  /// The fixture's calls go to this gateway from now on.
+  void CallAt(const Server& gateway) {
+    channel_ = grpc::CreateChannel(gateway.address(),
+                                   grpc::InsecureChannelCredentials());
+    stub_ = v1::CorrespondenceService::NewStub(channel_);
+  }
+
+  v1::Job WaitFor(const std::string& name, v1::Job::State state) {
+    v1::Job job = GetJob(name);
+    for (int i = 0; i < 1000 && job.state() != state; ++i) {
+      absl::SleepFor(absl::Milliseconds(20));
+      job = GetJob(name);
+    }
+    EXPECT_EQ(job.state(), state) << job.ShortDebugString();
+    return job;
+  }
+
+  v1::Job Cancel(const std::string& name) {
+    grpc::ClientContext context;
+    v1::CancelJobRequest request;
+    request.set_name(name);
+    v1::CancelJobResponse response;
+    EXPECT_TRUE(stub_->CancelJob(&context, request, &response).ok());
+    return response.job();
+  }
+
+  v1::GetServerInfoResponse Info() {
+    grpc::ClientContext context;
+    v1::GetServerInfoResponse info;
+    EXPECT_TRUE(stub_->GetServerInfo(&context, {}, &info).ok());
+    return info;
+  }
+};
+
+TEST_F(ClusterTest, AnyGatewayAnswersAnyCall) {
+  const auto other = Start(Config("gateway"));
+  const auto worker = Start(Config("worker"));
+  const std::string name = CreateJob();
+  CallAt(*other);
+  const std::vector<v1::Job> seen = Watch(name);
+  ASSERT_FALSE(seen.empty());
+  EXPECT_EQ(seen.back().state(), v1::Job::STATE_SUCCEEDED);
+  EXPECT_EQ(seen.back().attempt(), 1);
+  grpc::ClientContext context;
+  v1::DownloadResultRequest request;
+  request.set_name(name);
+  const auto reader = stub_->DownloadResult(&context, request);
+  v1::DownloadResultResponse response;
+  std::string bytes;
+  while (reader->Read(&response)) bytes += response.chunk();
+  EXPECT_TRUE(reader->Finish().ok());
+  EXPECT_FALSE(bytes.empty());
+}
+
+TEST_F(ClusterTest, AGatewayRunsNothing) {
+  const std::string name = CreateJob();
+  absl::SleepFor(absl::Milliseconds(500));
+  EXPECT_EQ(GetJob(name).state(), v1::Job::STATE_QUEUED);
+  EXPECT_EQ(matches_, 0);
+  const auto worker = Start(Config("worker"));
+  WaitFor(name, v1::Job::STATE_SUCCEEDED);
+}
+
+TEST_F(ClusterTest, TheSameRequestAtTwoGatewaysIsOneJob) {
+  const auto other = Start(Config("gateway"));
+  v1::CreateJobRequest request = SphereJob();
+  request.set_request_id("once");
+  const std::string name = CreateJob(request);
+  CallAt(*other);
+  EXPECT_EQ(CreateJob(request), name);
+  request.set_priority(1);
+  EXPECT_EQ(CreateError(request).reason, "REQUEST_ID_REUSED");
+}
+
+TEST_F(ClusterTest, AWorkerHearsOfACancelAtAGateway) {
+  gate_open_ = false;
+  const auto worker = Start(Config("worker"));
+  const std::string name = CreateJob();
+  WaitForMatches(1);
+  EXPECT_EQ(Cancel(name).state(), v1::Job::STATE_CANCELLED);
+  for (int i = 0; i < 500 && worker->running_jobs() > 0; ++i) {
+    absl::SleepFor(absl::Milliseconds(10));
+  }
+  EXPECT_EQ(worker->running_jobs(), 0);
+  EXPECT_EQ(GetJob(name).state(), v1::Job::STATE_CANCELLED);
+}
+
+TEST_F(ClusterTest, AWorkerThatStopsGivesItsJobsBackWithoutAnAttempt) {
+  gate_open_ = false;
+  auto worker = Start(Config("worker"));
+  const std::string name = CreateJob();
+  WaitForMatches(1);
+  worker->Shutdown(absl::ZeroDuration());
+  const v1::Job back = GetJob(name);
+  EXPECT_EQ(back.state(), v1::Job::STATE_QUEUED);
+  EXPECT_EQ(back.attempt(), 0);
+  worker.reset();
+  gate_open_ = true;
+  worker = Start(Config("worker"));
+  EXPECT_EQ(WaitFor(name, v1::Job::STATE_SUCCEEDED).attempt(), 1);
+}
+
+TEST_F(ClusterTest, TimeoutsOfQueueAndRunHold) {
+  v1::CreateJobRequest hasty = SphereJob();
+  hasty.mutable_queue_timeout()->set_nanos(50'000'000);
+  const std::string waits = CreateJob(hasty);
+  EXPECT_EQ(WaitFor(waits, v1::Job::STATE_FAILED).error().reason(),
+            "QUEUE_TIMEOUT");
+  gate_open_ = false;
+  const auto worker = Start(Config("worker"));
+  v1::CreateJobRequest brief = SphereJob();
+  brief.mutable_run_timeout()->set_nanos(50'000'000);
+  const std::string runs = CreateJob(brief);
+  EXPECT_EQ(WaitFor(runs, v1::Job::STATE_FAILED).error().reason(),
+            "RUN_TIMEOUT");
+}
+
+TEST_F(ClusterTest, OnlyAJobThatNobodyWatchesIsCancelledForIt) {
+  v1::CreateJobRequest request = SphereJob();
+  request.set_disconnect_policy(v1::DISCONNECT_POLICY_CANCEL);
+  const std::string watched = CreateJob(request);
+  grpc::ClientContext context;
+  v1::WatchJobRequest watch;
+  watch.set_name(watched);
+  const auto reader = stub_->WatchJob(&context, watch);
+  v1::WatchJobResponse response;
+  ASSERT_TRUE(reader->Read(&response));
+  const std::string unwatched = CreateJob(request);
+  WaitFor(unwatched, v1::Job::STATE_CANCELLED);
+  EXPECT_EQ(GetJob(watched).state(), v1::Job::STATE_QUEUED);
+  context.TryCancel();
+  (void)reader->Finish();
+  WaitFor(watched, v1::Job::STATE_CANCELLED);
+}
+
+TEST_F(ClusterTest, TellsWhatAllWorkersHave) {
+  ServerConfig config = Config("worker");
+  config.workers = 2;
+  config.threads_per_job = 3;
+  config.memory_budget_bytes = std::int64_t{1} << 30;
+  const auto one = Start(config);
+  const auto two = Start(config);
+  v1::GetServerInfoResponse info = Info();
+  for (int i = 0; i < 200 && info.workers() != 4; ++i) {
+    absl::SleepFor(absl::Milliseconds(20));
+    info = Info();
+  }
+  EXPECT_EQ(info.workers(), 4);
+  EXPECT_EQ(info.threads_per_job(), 3);
+  EXPECT_LE(info.memory_budget_bytes(), std::uint64_t{1} << 30);
+}
+
+TEST_F(ClusterTest, AProcessMayBeBoth) {
+  const auto both = Start(Config("all"));
+  CallAt(*both);
+  const std::string name = CreateJob();
+  EXPECT_EQ(Watch(name).back().state(), v1::Job::STATE_SUCCEEDED);
+}
+
+TEST_F(ClusterTest, DeletedJobsAreGoneForAll) {
+  const auto other = Start(Config("gateway"));
+  const auto worker = Start(Config("worker"));
+  const std::string name = CreateJob();
+  WaitFor(name, v1::Job::STATE_SUCCEEDED);
+  grpc::ClientContext context;
+  v1::DeleteJobRequest request;
+  request.set_name(name);
+  v1::DeleteJobResponse response;
+  EXPECT_TRUE(stub_->DeleteJob(&context, request, &response).ok());
+  CallAt(*other);
+  grpc::ClientContext again;
+  v1::GetJobRequest get;
+  get.set_name(name);
+  v1::GetJobResponse job;
+  EXPECT_EQ(stub_->GetJob(&again, get, &job).error_code(),
+            grpc::StatusCode::NOT_FOUND);
+}
+
+}  // namespace
+}  // namespace isomatch
