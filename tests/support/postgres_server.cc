@@ -1,27 +1,20 @@
 #include "tests/support/postgres_server.h"
 
-#include <array>
-#include <cerrno>
 #include <csignal>
 #include <cstdlib>
-#include <cstring>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <vector>
 
-#include <fcntl.h>
-#include <sched.h>
-#include <sys/prctl.h>
-#include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
 #include "core/base/status_macros.h"
+#include "tests/support/user_process.h"
 
 namespace isomatch {
 namespace {
@@ -31,77 +24,9 @@ constexpr char kDebianFolder[] = "/usr/lib/postgresql/15/bin";
 constexpr absl::Duration kPause = absl::Milliseconds(5);
 constexpr absl::Duration kLongestStart = absl::Seconds(60);
 
-std::string TextOf(const std::string& path) {
-  std::ifstream file(path);
-  return {std::istreambuf_iterator<char>(file), {}};
-}
-
-/// One of PostgreSQL's programs, and where it reads and writes.
-struct Command {
-  std::vector<std::string> words;
-  std::string input = "/dev/null";
-  std::string output;
-};
-
-// What a forked child does before it becomes another program: system calls
-// only, since other threads may hold locks of the library.
-
-[[noreturn]] void Give(const char* what) {
-  const char* const why = std::strerror(errno);
-  for (const char* text : {"cannot ", what, ": ", why, "\n"}) {
-    (void)!write(STDERR_FILENO, text, std::strlen(text));
-  }
-  _exit(126);
-}
-
-void WriteTo(const char* path, const char* text) {
-  const int file = open(path, O_WRONLY | O_CLOEXEC);
-  if (file < 0 || write(file, text, std::strlen(text)) < 0) Give(path);
-  close(file);
-}
-
-/// Calls root 1000, in the new user namespace of this process.
-void RenameRoot() {
-  WriteTo("/proc/self/setgroups", "deny");
-  WriteTo("/proc/self/uid_map", "1000 0 1");
-  WriteTo("/proc/self/gid_map", "1000 0 1");
-}
-
-void Redirect(const std::string& path, int flags, int to) {
-  if (dup2(open(path.c_str(), flags | O_CLOEXEC, 0600), to) < 0) Give("open");
-}
-
-/// Returns the process. It stops, as by SIGQUIT, when this thread ends.
-absl::StatusOr<pid_t> Spawn(Command command) {
-  std::vector<char*> words;
-  for (std::string& word : command.words) words.push_back(word.data());
-  words.push_back(nullptr);
-  const pid_t parent = getpid();
-  // PostgreSQL refuses to run as root. Not fork and unshare: ThreadSanitizer
-  // gives a forked child a second thread, which unshare refuses.
-  const bool is_root = geteuid() == 0;
-  const auto child = static_cast<pid_t>(
-      syscall(SYS_clone, SIGCHLD | (is_root ? CLONE_NEWUSER : 0), nullptr,
-              nullptr, nullptr, nullptr));
-  if (child < 0) {
-    return absl::InternalError(absl::StrCat(
-        "no process for ", command.words[0], ": ", std::strerror(errno),
-        is_root ? "; be no root, or allow user namespaces" : ""));
-  }
-  if (child > 0) return child;
-  Redirect(command.input, O_RDONLY, STDIN_FILENO);
-  Redirect(command.output, O_CREAT | O_WRONLY | O_APPEND, STDOUT_FILENO);
-  Redirect(command.output, O_CREAT | O_WRONLY | O_APPEND, STDERR_FILENO);
-  if (is_root) RenameRoot();
-  prctl(PR_SET_PDEATHSIG, SIGQUIT);
-  if (getppid() != parent) _exit(125);
-  execv(words[0], words.data());
-  Give(words[0]);
-}
-
-absl::Status RunCommand(const Command& command) {
+absl::Status RunCommand(const UserCommand& command) {
   int status = 0;
-  ISOMATCH_ASSIGN_OR_RETURN(const pid_t child, Spawn(command));
+  ISOMATCH_ASSIGN_OR_RETURN(const pid_t child, SpawnAsUser(command));
   if (waitpid(child, &status, 0) == child && status == 0) {
     return absl::OkStatus();
   }
@@ -162,17 +87,7 @@ bool HasEnded(pid_t process) {
 }  // namespace
 
 absl::StatusOr<std::string> FindPostgresProgram(const std::string& name) {
-  const char* const path = std::getenv("PATH");
-  std::vector<std::string> folders =
-      absl::StrSplit(path == nullptr ? "" : path, ':', absl::SkipEmpty());
-  folders.emplace_back(kDebianFolder);
-  for (const std::string& folder : folders) {
-    std::string program = absl::StrCat(folder, "/", name);
-    if (access(program.c_str(), X_OK) == 0) return program;
-  }
-  return absl::NotFoundError(absl::StrCat(
-      "no program ", name, " in PATH or ", kDebianFolder,
-      ": install the Debian package postgresql-15 (docker/packages.txt)"));
+  return FindProgram(name, kDebianFolder, "postgresql-15");
 }
 
 absl::StatusOr<std::unique_ptr<PostgresServer>> PostgresServer::Start() {
@@ -220,11 +135,12 @@ absl::Status PostgresServer::Restart() {
   Kill();
   const std::string fsync = options_.fsync ? "on" : "off";
   ISOMATCH_ASSIGN_OR_RETURN(
-      id_, Spawn({.words = {program_, "-D", folder_.Path("data"), "-k",
-                            folder_.Path(""), "-h", "", "-c", "fsync=" + fsync,
-                            "-c", "full_page_writes=" + fsync, "-c",
-                            "dynamic_shared_memory_type=mmap"},
-                  .output = folder_.Path("log")}));
+      id_,
+      SpawnAsUser({.words = {program_, "-D", folder_.Path("data"), "-k",
+                             folder_.Path(""), "-h", "", "-c", "fsync=" + fsync,
+                             "-c", "full_page_writes=" + fsync, "-c",
+                             "dynamic_shared_memory_type=mmap"},
+                   .output = folder_.Path("log")}));
   return WaitUntilItAnswers();
 }
 

@@ -41,6 +41,10 @@ class PostgresServer {
   /// For libpq; stays the same after Restart.
   std::string url() const;
 
+  /// The folder of its socket, and the socket.
+  std::string folder() const { return folder_.Path(""); }
+  std::string socket() const { return folder_.Path(".s.PGSQL.5432"); }
+
   /// 0 while it does not run.
   pid_t id() const { return id_; }
 
