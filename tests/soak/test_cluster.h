@@ -1,31 +1,43 @@
 #pragma once
 
+#include <map>
 #include <memory>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include <grpcpp/grpcpp.h>
 
-#include "tests/server/child_process.h"
+#include "tests/soak/logged_process.h"
 #include "tests/soak/soak_server.h"
+#include "tests/support/database_proxy.h"
+#include "tests/support/pgbouncer.h"
 #include "tests/support/postgres_server.h"
-#include "tests/support/temporary_folder.h"
 
 namespace isomatch {
 
 /// Gateways and workers as processes of their own, on a PostgreSQL of theirs.
-/// What is killed is started again at once; gateways keep their addresses. Not
-/// thread-safe.
+/// What is killed is started again at once; gateways keep their addresses. All
+/// processes are children of the thread that started them, also again, and end
+/// with it. Not thread-safe, but for stub(), which others may use meanwhile.
 class TestCluster {
  public:
+  /// How processes reach the database.
+  enum class Way {
+    kSocket,   ///< its own
+    kBouncer,  ///< PgBouncer in transaction mode
+    kProxies,  ///< TCP: a proxy for all gateways, and one for each worker
+  };
+
   struct Options {
     int gateways = 2;
     int workers = 3;
     /// Of all processes.
     std::vector<std::string> flags = {};
-    /// What they use as --store, instead of the database itself.
-    std::string store = "";
+    Way way = Way::kSocket;
+    /// Of the first workers, how far their clocks are ahead: "+1h", "-1h".
+    std::vector<std::string> clocks = {};
+    /// Migrates, and runs as all that the constructor starts.
+    std::string binary = ISOMATCH_SERVER_BINARY;
   };
 
   explicit TestCluster(Options options);
@@ -33,49 +45,87 @@ class TestCluster {
 
   int gateways() const { return static_cast<int>(gateways_.size()); }
   int workers() const { return static_cast<int>(workers_.size()); }
-  Stub& stub(int gateway) { return *stubs_[static_cast<size_t>(gateway)]; }
+  Way way() const { return options_.way; }
+  Stub& stub(int gateway) { return *At(gateways_, gateway).stub; }
 
   /// Of all gateways, for clients that go on with another one.
   std::string addresses() const;
-  const std::string& database_url() const { return database_url_; }
 
-  void KillGateway(int gateway);
-  /// `signal` is SIGKILL, or SIGTERM and it gives back what it runs.
+  /// Brings the tables to the version of `binary`.
+  void Migrate(const std::string& binary);
+  void AddGateway(const std::string& binary = ISOMATCH_SERVER_BINARY);
+  void AddWorker(const std::string& binary = ISOMATCH_SERVER_BINARY);
+
+  // `signal` is SIGKILL, or SIGTERM and it gives back what it has.
+
+  void KillGateway(int gateway, int signal);
   void KillWorker(int worker, int signal);
-  void SignalWorker(int worker, int signal) const;
+  /// It does not start again; the others keep their numbers.
+  void RemoveGateway(int gateway);
+  void RemoveWorker(int worker);
+
+  /// Starts those again that have ended while they started, as whatever looks
+  /// after processes does, because the database did not answer.
+  void StartAgain();
+
+  void SignalWorker(int worker, int signal);
+  /// Returns once it answers again.
   void KillDatabase();
-  /// Cuts all connections to the database.
+  /// REQUIRES: Way::kBouncer.
+  void KillBouncer();
+  /// Cuts all connections to the database: by the proxies, if there are some.
   void CutConnections();
+
+  // REQUIRES: Way::kProxies.
+
+  DatabaseProxy& proxy_of_gateways() { return *proxies_.front(); }
+  DatabaseProxy& proxy_of_worker(int worker) {
+    return *proxies_[static_cast<size_t>(worker) + 1];
+  }
+  void SetProxies(DatabaseProxy::Mode mode);
 
   /// Runs a statement in the database; returns the first value, or "".
   std::string Ask(const std::string& sql) const;
 
- private:
-  /// A process whose log is read and dropped.
-  class Process {
-   public:
-    explicit Process(const std::vector<std::string>& flags);
-    ~Process();
-    void End(int signal);
-    void Signal(int signal) const { process_.Signal(signal); }
+  /// Ends all workers. Returns how often they have logged, together, that a job
+  /// SUCCEEDED, by its ID, also those that were killed.
+  std::map<std::string, int> EndWorkers();
 
-   private:
-    ChildProcess process_;
-    std::thread log_reader_;
+ private:
+  /// What runs a process, and how to start it again.
+  struct Member {
+    std::string binary;
+    std::vector<std::string> flags;
+    /// Of a gateway.
+    std::string address = "";
+    std::shared_ptr<grpc::Channel> channel = nullptr;
+    std::unique_ptr<Stub> stub = nullptr;
+    /// How far its clock is ahead; empty for one that is right.
+    std::string clock = "";
+    /// Null after Remove.
+    std::unique_ptr<LoggedProcess> process = nullptr;
   };
 
-  std::unique_ptr<Process> Start(std::vector<std::string> own) const;
-  void StartGateway(size_t gateway);
-  void StartWorker(size_t worker);
+  static Member& At(std::vector<Member>& members, int index) {
+    return members[static_cast<size_t>(index)];
+  }
+  void StartBouncer();
+  /// Returns what the next worker, or each gateway, has as --store.
+  std::string StoreOfGateways() const;
+  std::string StoreOfNextWorker();
+  std::string StoreBehind(const DatabaseProxy& proxy) const;
+  void WaitForStore() const;
+  void Start(Member& member) const;
+  void End(Member& member, int signal);
 
   const Options options_;
   const std::unique_ptr<PostgresServer> database_;
-  std::string database_url_;
-  std::string store_;
-  std::vector<int> ports_;
-  std::vector<std::unique_ptr<Process>> gateways_;
-  std::vector<std::unique_ptr<Stub>> stubs_;
-  std::vector<std::unique_ptr<Process>> workers_;
+  std::unique_ptr<PgBouncer> bouncer_;
+  /// Of the gateways, then of each worker.
+  std::vector<std::unique_ptr<DatabaseProxy>> proxies_;
+  std::vector<Member> gateways_;
+  std::vector<Member> workers_;
+  std::map<std::string, int> successes_;
 };
 
 }  // namespace isomatch

@@ -22,6 +22,12 @@ int ToldJobs::CountOpen() const {
   return open;
 }
 
+int ToldJobs::there() const {
+  int there = 0;
+  for (const Sent& sent : sent_) there += sent.is_deleted ? 0 : 1;
+  return there;
+}
+
 void ToldJobs::CompareFailed(const v1::Job& job) {
   if (job.error().reason() == "CRASHED_REPEATEDLY" &&
       job.attempt() >= least_attempts_)

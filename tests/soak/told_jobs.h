@@ -31,6 +31,8 @@ class ToldJobs {
   std::string OpenJob();
 
   int sent() const { return static_cast<int>(sent_.size()); }
+  /// Those that were not deleted.
+  int there() const;
   int lost() const { return lost_; }
   int wrong() const { return wrong_; }
   /// Jobs that ended as CRASHED_REPEATEDLY.
