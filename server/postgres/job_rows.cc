@@ -240,21 +240,22 @@ KeptJobs KeptIn(const pqxx::result& rows, absl::Time now) {
 
 std::vector<JobRecord> RemoveRows(pqxx::work& transaction,
                                   const std::vector<std::string>& ids) {
-  const std::string array = ArrayOf(ids);
-  std::vector<JobRecord> removed = RecordsOf(transaction.exec_params(
+  const pqxx::result rows = transaction.exec_params(
       absl::StrCat("SELECT ", kJobColumns, "FROM ", kJobTables,
                    "WHERE j.id = ANY ($1::text[]) AND l.number IS NULL "
                    "FOR UPDATE OF j"),
-      array));
+      ArrayOf(ids));
+  // No others, which may be over by the next statement: nobody would be told
+  // that they were removed.
+  std::vector<std::string> over;
+  for (const pqxx::row& row : rows) over.push_back(row[kId].as<std::string>());
+  if (over.empty()) return {};
+  const std::string array = ArrayOf(over);
   transaction.exec_params(
-      "DELETE FROM isomatch.job_blobs b WHERE b.job_id = ANY ($1::text[]) AND "
-      "NOT EXISTS (SELECT FROM isomatch.live_jobs l WHERE l.id = b.job_id)",
-      array);
+      "DELETE FROM isomatch.job_blobs WHERE job_id = ANY ($1::text[])", array);
   transaction.exec_params(
-      "DELETE FROM isomatch.jobs j WHERE j.id = ANY ($1::text[]) AND "
-      "NOT EXISTS (SELECT FROM isomatch.live_jobs l WHERE l.id = j.id)",
-      array);
-  return removed;
+      "DELETE FROM isomatch.jobs WHERE id = ANY ($1::text[])", array);
+  return RecordsOf(rows);
 }
 
 }  // namespace isomatch

@@ -369,6 +369,34 @@ TEST_F(PostgresQueueTest, AJobWithoutItsBlobsIsRefused) {
   EXPECT_THAT(store().Get("a"), StatusIs(absl::StatusCode::kNotFound, _));
 }
 
+TEST_F(PostgresQueueTest, AJobThatEndsWhileItIsDeletedStays) {
+  Insert(Job("a"));
+  absl::Status deleted;
+  std::atomic<bool> is_done = false;
+  std::thread deletes;
+  ASSERT_THAT(kept_->pool().Run([&](pqxx::work& other) {
+    // Who deletes sees that the job is not over, and stops here.
+    other.exec("LOCK TABLE isomatch.job_blobs IN EXCLUSIVE MODE");
+    deletes = std::thread([&] {
+      deleted = store().Delete("a").status();
+      is_done = true;
+    });
+    const auto waits = [&] {
+      return other.exec("SELECT FROM pg_locks WHERE NOT granted").size();
+    };
+    while (!is_done && waits() == 0) {
+    }
+    other.exec("DELETE FROM isomatch.live_jobs");
+    other.exec("UPDATE isomatch.jobs SET state = 5, ended = now()");
+    return absl::OkStatus();
+  }),
+              IsOk());
+  deletes.join();
+  EXPECT_THAT(deleted, StatusIs(absl::StatusCode::kFailedPrecondition, _));
+  EXPECT_THAT(store().Get("a"), IsOk());
+  EXPECT_THAT(store().Delete("a"), IsOk());
+}
+
 TEST_F(PostgresQueueTest, ADatabaseThatWasAwayIsAskedAgain) {
   auto server = TheServer();
   ASSERT_THAT(server, IsOk());
