@@ -22,7 +22,8 @@ CREATE TABLE isomatch.migrations (
   applied timestamptz NOT NULL DEFAULT now()
 );
 
--- Grows with every change of any job, and with every new job.
+-- Grows with every change of any job, and with every new job. Numbers of claims
+-- and renewals that a crash takes back are given again.
 CREATE SEQUENCE isomatch.job_sequence;
 CREATE SEQUENCE isomatch.job_number;
 
@@ -85,7 +86,7 @@ CREATE INDEX live_jobs_running ON isomatch.live_jobs (tenant) WHERE state = 2;
 
 CREATE TABLE isomatch.tenants (
   tenant text PRIMARY KEY,
-  -- The claim that served it last.
+  -- The sequence of the claim that served it last.
   last_served bigint NOT NULL DEFAULT 0,
   -- Starts of others of a higher shared_priority since then.
   overtakes int NOT NULL DEFAULT 0
@@ -182,7 +183,8 @@ DECLARE
   chosen_head record;
   passed bigint[] := '{}';
   preferred bigint;
-  next_claim bigint;
+  -- Whose turn it is next, and the job's sequence.
+  served bigint;
 BEGIN
   -- A claim that a crash of this database takes back is one that its worker
   -- hears of when it renews its lease.
@@ -243,10 +245,13 @@ BEGIN
       chosen := preferred;
     END IF;
   END IF;
-  next_claim := nextval('isomatch.job_sequence');
+  served := nextval('isomatch.job_sequence');
   RETURN QUERY
     UPDATE isomatch.live_jobs l
-      SET state = 2, sequence = next_claim, claim = next_claim,
+      -- No number of the sequence: the crash would take that back, too, and
+      -- the next claim of the job would have the same.
+      SET state = 2, sequence = served,
+          claim = 1 + (random() * (2::double precision ^ 62))::bigint,
           worker = p_worker, lease_until = now() + p_lease, started = now(),
           attempt = l.attempt + 1, stage = 0, stage_fraction = 0,
           total_fraction = 0
@@ -264,7 +269,7 @@ BEGIN
           WHERE l.tenant = t.tenant AND l.state = 1
           ORDER BY l.priority DESC, l.number LIMIT 1);
   END IF;
-  UPDATE isomatch.tenants SET last_served = next_claim, overtakes = 0
+  UPDATE isomatch.tenants SET last_served = served, overtakes = 0
     WHERE tenant = chosen_head.tenant;
 END $$;
 

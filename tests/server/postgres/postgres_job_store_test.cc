@@ -397,6 +397,39 @@ TEST_F(PostgresQueueTest, AJobThatEndsWhileItIsDeletedStays) {
   EXPECT_THAT(store().Delete("a"), IsOk());
 }
 
+TEST_F(PostgresQueueTest, AClaimThatACrashTakesBackIsNeverGivenAgain) {
+  auto server = TheServer();
+  ASSERT_THAT(server, IsOk());
+  int taken_back = 0;
+  for (int round = 0; round < 5; ++round) {
+    const std::string id = absl::StrCat("j", round);
+    Insert(Job(id));
+    // The next number of the sequence is one that the crash takes back, too.
+    for (const char* const sql : {"SELECT setval('isomatch.job_sequence', "
+                                  "nextval('isomatch.job_sequence'))",
+                                  "CHECKPOINT"}) {
+      ASSERT_THAT(kept_->pool().Ask(PostgresPool::Repeat::kOnce, sql), IsOk());
+    }
+    const auto first = store().Claim(Asking());
+    (*server)->Kill();
+    ASSERT_THAT(first, IsOk());
+    ASSERT_TRUE(first->has_value());
+    ASSERT_THAT((*server)->Restart(), IsOk());
+    const auto again = store().Get(id);
+    ASSERT_THAT(again, IsOk());
+    if (again->state == JobState::kQueued) {
+      ++taken_back;
+      const auto second = store().Claim(Asking());
+      ASSERT_TRUE(second.ok() && second->has_value());
+      EXPECT_NE((*second)->claim, (*first)->claim) << "so it is no fence";
+    }
+    JobRecord ended = *store().Get(id);
+    ended.state = JobState::kCancelled;
+    ASSERT_THAT(store().Update(ended), IsOk());
+  }
+  EXPECT_GT(taken_back, 0) << "the test did not see what it is about";
+}
+
 TEST_F(PostgresQueueTest, ADatabaseThatWasAwayIsAskedAgain) {
   auto server = TheServer();
   ASSERT_THAT(server, IsOk());
