@@ -140,6 +140,12 @@ bool PostgresBlobStore::Pin(const BlobKey& key) {
 
 bool PostgresBlobStore::Has(const BlobKey& key) { return Use(key).ok(); }
 
+absl::StatusOr<bool> PostgresBlobStore::IsThere(const BlobKey& key) {
+  const absl::Status used = Use(key).status();
+  if (used.ok() || absl::IsNotFound(used)) return used.ok();
+  return used;
+}
+
 absl::StatusOr<BlobStore::Blob> PostgresBlobStore::Get(const BlobKey& key) {
   const std::optional<BlobCache::Entry> cached = cache_.Find(key);
   const SteadyClock::time_point now = SteadyClock::now();

@@ -61,6 +61,7 @@ class PostgresBlobStore : public BlobStore {
   absl::StatusOr<Blob> Get(const BlobKey& key) override;
   void Remove(const BlobKey& key) override;
   bool Has(const BlobKey& key) override;
+  absl::StatusOr<bool> IsThere(const BlobKey& key) override;
   bool MakeTenantRoom(const BlobKey& key, std::int64_t bytes,
                       std::int64_t limit) override;
   bool CanMakeRoom(std::int64_t bytes) const override;

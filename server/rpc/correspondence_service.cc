@@ -98,7 +98,9 @@ absl::Status FindMissing(const ServiceContext& context, const Caller& caller,
     ISOMATCH_RETURN_IF_ERROR(ValidateDigest(
         digest, absl::StrCat("digests[", i, "]"), context.parse.limits));
     const BlobKey key = {caller.tenant, digest.sha256()};
-    if (context.blobs->Has(key)) continue;
+    const auto is_there = context.blobs->IsThere(key);
+    if (!is_there.ok()) return StorageSilent(is_there.status());
+    if (*is_there) continue;
     *response.add_missing() = digest;
     const std::uint64_t received = context.partial_uploads->ReceivedBytes(key);
     response.add_received_bytes(std::min(received, digest.size_bytes()));

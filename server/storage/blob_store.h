@@ -74,6 +74,9 @@ class BlobStore {
   /// use.
   virtual bool Has(const BlobKey& key) = 0;
 
+  /// As Has. UNAVAILABLE: it is not known just now.
+  virtual absl::StatusOr<bool> IsThere(const BlobKey& key) { return Has(key); }
+
   /// As Has, but reads it first, unless that was done a moment ago.
   virtual bool HasWhole(const BlobKey& key) { return Has(key); }
 

@@ -359,6 +359,7 @@ TEST_F(PostgresBlobStoreTest, ADatabaseThatDoesNotAnswerIsNoMissingBlob) {
   const BlobKey key = Put(*store, "content");
   EXPECT_EQ(store->size_bytes(), 7);
   database_.server().Kill();
+  EXPECT_THAT(store->IsThere(key), IsUnavailable());
   EXPECT_THAT(store->Get(key), IsUnavailable());
   EXPECT_THAT(store->Put(key, "content", Keep::kPinned), IsUnavailable());
   EXPECT_THAT(store->PutWithin(100, key, "content", Keep::kPinned),

@@ -162,6 +162,8 @@ TYPED_TEST_P(BlobStoreConformance, TenantsShareNothing) {
   const BlobKey mine = this->Put(store, 'a', 10, Keep::kWhileRoom);
   const BlobKey other = {"other", mine.sha256};
   EXPECT_TRUE(store.Has(mine));
+  EXPECT_TRUE(*store.IsThere(mine));
+  EXPECT_FALSE(*store.IsThere(other));
   EXPECT_FALSE(store.Has(other));
   EXPECT_THAT(store.Get(other), IsMissingBlob());
   EXPECT_FALSE(store.Pin(other));
