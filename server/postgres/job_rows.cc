@@ -201,9 +201,10 @@ absl::Status UpdateRow(PostgresPool& pool, JobRecord& record) {
   ISOMATCH_ASSIGN_OR_RETURN(
       const pqxx::result rows,
       pool.Ask(PostgresPool::Repeat::kNever,
-               "SELECT isomatch.update_job($1, $2, $3, $4, $5, $6::interval, "
-               "$7, $8, $9, $10, $11, $12::text[], $13::bytea)",
-               record.id, record.sequence, static_cast<int>(record.state),
+               "SELECT isomatch.update_job($1, $2, $3, $4, $5, $6, $7::interval, "
+               "$8, $9, $10, $11, $12, $13::text[], $14::bytea)",
+               record.id, record.sequence, record.claim,
+               static_cast<int>(record.state),
                record.attempt, record.faults, OrNull(hold),
                record.queue_timeout.has_value(), record.progress.stage,
                record.progress.stage_fraction, record.progress.total_fraction,

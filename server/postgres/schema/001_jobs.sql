@@ -273,12 +273,13 @@ BEGIN
     WHERE tenant = chosen_head.tenant;
 END $$;
 
--- Replaces a job's record when its sequence is still p_sequence. Once it is over
+-- Replaces a job's record when its sequence is still p_sequence, and its claim
+-- p_claim: a crash may have given the number to another change. Once it is over
 -- it needs its results, kind 2 of job_blobs, and its inputs no more. Returns the
 -- new sequence; 0 when it is another by now, -1 when the job is gone.
 CREATE FUNCTION isomatch.update_job(
-  p_id text, p_sequence bigint, p_state int, p_attempt int, p_faults int,
-  p_hold interval, p_has_queue_timeout boolean, p_stage int,
+  p_id text, p_sequence bigint, p_claim bigint, p_state int, p_attempt int,
+  p_faults int, p_hold interval, p_has_queue_timeout boolean, p_stage int,
   p_stage_fraction double precision, p_total_fraction double precision,
   p_result_bytes bigint, p_results text[], p_record bytea)
 RETURNS bigint
@@ -299,7 +300,9 @@ BEGIN
       SET state = p_state, sequence = new_sequence, record = p_record WHERE id = p_id;
     RETURN new_sequence;
   END IF;
-  IF live.sequence <> p_sequence THEN RETURN 0; END IF;
+  IF live.sequence <> p_sequence OR live.claim <> p_claim THEN
+    RETURN 0;
+  END IF;
   IF p_state >= 3 THEN
     DELETE FROM isomatch.live_jobs WHERE number = live.number;
     UPDATE isomatch.jobs
