@@ -7,6 +7,7 @@
 #include <google/protobuf/util/message_differencer.h>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/sha256.h"
 
 namespace isomatch {
 namespace {
@@ -25,6 +26,14 @@ bool HasLabels(const v1::CreateJobRequest& request,
 bool HasState(const v1::ListJobsRequest& filter, v1::Job::State state) {
   return filter.states_size() == 0 ||
          std::count(filter.states().begin(), filter.states().end(), state) > 0;
+}
+
+/// SHA-256 of the meshes of a request.
+std::set<std::string> MeshesOf(const v1::CreateJobRequest& request) {
+  const auto of = [](const v1::Mesh& mesh) {
+    return mesh.has_digest() ? mesh.digest().sha256() : Sha256Hex(mesh.draco());
+  };
+  return {of(request.mesh_x()), of(request.mesh_y())};
 }
 
 /// Whether the list has to have the job: it cannot have left these states.
@@ -52,8 +61,23 @@ JobModel::Problem JobModel::Add(const v1::CreateJobRequest& request,
 }
 
 void JobModel::Remove(const std::string& name) {
-  jobs_.erase(by_name_.at(name));
+  const auto job = jobs_.find(by_name_.at(name));
+  const std::set<std::string> meshes = MeshesOf(job->second.request);
+  jobs_.erase(job);
   by_name_.erase(name);
+  for (const std::string& mesh : meshes) {
+    const bool is_named = std::ranges::any_of(jobs_, [&](const auto& other) {
+      return MeshesOf(other.second.request).count(mesh) > 0;
+    });
+    if (is_named || meshes_.erase(mesh) == 0) continue;
+    if (!rules_.forgets_meshes_at_once) forgotten_meshes_.insert(mesh);
+  }
+}
+
+JobModel::Presence JobModel::PresenceOf(const std::string& sha256) const {
+  if (meshes_.count(sha256) > 0) return Presence::kThere;
+  return forgotten_meshes_.count(sha256) > 0 ? Presence::kMaybe
+                                             : Presence::kMissing;
 }
 
 ModelJob* JobModel::Find(const std::string& name) {
@@ -98,14 +122,15 @@ JobModel::Problem JobModel::CompareIdentity(const ModelJob& job,
 
 JobModel::Problem JobModel::CompareProgress(const ModelJob& job,
                                             const v1::Job& now,
-                                            bool restarted) const {
+                                            bool may_go_back) const {
   if (IsEnd(job.last.state())) {
     return MessageDifferencer::Equals(job.last, now)
                ? ""
                : "changed although it was terminal";
   }
-  if (now.sequence() < job.last.sequence()) return "sequence fell";
-  if (restarted) return "";
+  const bool may_fall = may_go_back && rules_.loses_last_moment;
+  if (now.sequence() < job.last.sequence() && !may_fall) return "sequence fell";
+  if (may_go_back) return "";
   if (now.state() < job.last.state()) return "state went back";
   if (now.attempt() < job.last.attempt()) return "attempt fell";
   if (now.progress().total_fraction() < job.last.progress().total_fraction()) {
@@ -127,7 +152,9 @@ JobModel::Problem JobModel::CompareEnd(const ModelJob& job,
         return "";
       }
       if (reason == "RUN_TIMEOUT" && job.request.has_run_timeout()) return "";
-      if (reason == "CRASHED_REPEATEDLY" && now.attempt() >= 10) return "";
+      if (reason == "CRASHED_REPEATEDLY" &&
+          now.attempt() >= rules_.least_attempts)
+        return "";
       return "failed without a reason to";
     default:
       return now.error().reason().empty() && !now.has_result()
@@ -136,27 +163,32 @@ JobModel::Problem JobModel::CompareEnd(const ModelJob& job,
   }
 }
 
-JobModel::Problem JobModel::Observe(const v1::Job& now, int restarts) {
+JobModel::Problem JobModel::Observe(const v1::Job& now, Restarts restarts) {
   ModelJob* const job = Find(now.name());
   if (job == nullptr) return "not there: " + now.ShortDebugString();
   Problem problem = CompareIdentity(*job, now);
   if (problem.empty()) {
-    problem = CompareProgress(*job, now, job->restarts < restarts);
+    problem = CompareProgress(*job, now, job->restarts_before < restarts.begun);
   }
   if (problem.empty()) problem = CompareEnd(*job, now);
   if (!problem.empty()) {
     return absl::StrCat(problem, ": ", now.ShortDebugString(), " after ",
                         job->last.ShortDebugString());
   }
+  if (!rules_.goes_back_later || now.state() == v1::Job::STATE_QUEUED) {
+    job->restarts_before = restarts.over;
+  } else if (now.attempt() != job->last.attempt()) {
+    job->restarts_before = job->restarts;
+  }
   job->last = now;
-  job->restarts = restarts;
+  job->restarts = restarts.over;
   return "";
 }
 
 JobModel::Problem JobModel::CompareList(const v1::ListJobsRequest& filter,
                                         int before,
                                         const std::vector<v1::Job>& listed,
-                                        int restarts) {
+                                        Restarts restarts) {
   auto next = listed.begin();
   for (auto job = jobs_.rbegin(); job != jobs_.rend(); ++job) {
     if (job->first >= before) continue;
