@@ -13,11 +13,10 @@
 #include <pqxx/pqxx>
 
 #include "core/base/sha256.h"
-#include "server/postgres/migrations.h"
 #include "server/postgres/postgres_pool.h"
+#include "tests/server/postgres/blob_database.h"
 #include "tests/server/storage/blob_store_conformance.h"
 #include "tests/support/matchers.h"
-#include "tests/support/postgres_server.h"
 
 namespace isomatch {
 namespace {
@@ -35,50 +34,6 @@ Options ExactOptions(std::int64_t capacity_bytes) {
           .use_resolution = absl::ZeroDuration(),
           .figures_age = absl::ZeroDuration()};
 }
-
-/// A database with the tables of blobs, and a connection to look at them.
-class BlobDatabase {
- public:
-  BlobDatabase() {
-    auto server = PostgresServer::Start();
-    EXPECT_THAT(server, IsOk());
-    server_ = *std::move(server);
-    pool_ = OpenPool();
-    EXPECT_THAT(Migrate(*pool_), IsOk());
-    database_ = std::make_unique<pqxx::connection>(server_->url());
-  }
-
-  std::unique_ptr<PostgresPool> OpenPool() const {
-    auto pool = PostgresPool::Open(
-        {.url = server_->url(), .patience = absl::Seconds(20)});
-    EXPECT_THAT(pool, IsOk());
-    return *std::move(pool);
-  }
-
-  PostgresServer& server() { return *server_; }
-  PostgresPool* pool() { return pool_.get(); }
-
-  /// Runs a statement as somebody else; returns what it finds first, or "".
-  std::string Do(const std::string& sql) {
-    pqxx::nontransaction transaction(*database_);
-    const pqxx::result rows = transaction.exec(sql);
-    return rows.empty() ? "" : rows[0][0].as<std::string>("");
-  }
-
-  // What the job store does.
-  void AddReference(const std::string& job, const BlobKey& key) {
-    Do("INSERT INTO isomatch.job_blobs VALUES ('" + job + "', '" + key.tenant +
-       "', '" + key.sha256 + "', 1)");
-  }
-  void RemoveReferences(const std::string& job) {
-    Do("DELETE FROM isomatch.job_blobs WHERE job_id = '" + job + "'");
-  }
-
- private:
-  std::unique_ptr<PostgresServer> server_;
-  std::unique_ptr<PostgresPool> pool_;
-  std::unique_ptr<pqxx::connection> database_;
-};
 
 class PostgresHarness {
  public:

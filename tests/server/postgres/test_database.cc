@@ -8,7 +8,7 @@
 namespace isomatch {
 
 absl::StatusOr<PostgresServer*> TheServer() {
-  static auto& server = *new std::unique_ptr<PostgresServer>();
+  static std::unique_ptr<PostgresServer> server;  // ends with the process
   if (server == nullptr) {
     ISOMATCH_ASSIGN_OR_RETURN(server, PostgresServer::Start());
   }
