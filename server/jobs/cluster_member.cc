@@ -121,6 +121,7 @@ void ClusterMember::DoChores() {
     const absl::Duration now = environment_.uptime();
     if (now - pruned_ > kPruneInterval) {
       retention_.Prune();
+      environment_.blobs->Tidy();
       pruned_ = now;
     }
   }

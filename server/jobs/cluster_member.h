@@ -24,7 +24,7 @@ namespace isomatch {
 ///   DoChores once a second, by one of the processes: jobs whose workers are
 ///            silent go back to the queue, those that have waited too long
 ///            fail, those that nobody watches are cancelled if they want it so;
-///            once a minute old jobs go
+///            once a minute old jobs go, and blobs that could not go before
 ///
 /// While the store does not answer all that waits until it does. Thread-safe.
 class ClusterMember {

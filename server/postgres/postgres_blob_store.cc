@@ -18,6 +18,10 @@ constexpr std::int64_t kChunkBytes = 256 * 1024;
 /// Rows that one statement writes or reads: 4 MiB, so that it ends in time, and
 /// neither side needs memory for much more than the blob.
 constexpr int kChunksAtOnce = 16;
+/// Blobs that one statement of Tidy removes, and statements of one Tidy: the
+/// other chores wait for it.
+constexpr int kRemovedAtOnce = 100;
+constexpr int kMostRemovals = 20;
 /// How often Get reads what others put again meanwhile.
 constexpr int kAttempts = 5;
 
@@ -213,6 +217,16 @@ void PostgresBlobStore::Remove(const BlobKey& key) {
                   "SELECT isomatch.remove_blob($1, $2, $3::interval)",
                   key.tenant, key.sha256, IntervalOf(options_.grace));
   cache_.Remove(key);
+}
+
+void PostgresBlobStore::Tidy() {
+  int removed = kRemovedAtOnce;
+  for (int i = 0; i < kMostRemovals && removed == kRemovedAtOnce; ++i) {
+    const auto rows =
+        pool_.Ask(Repeat::kOnce, "SELECT isomatch.remove_due_blobs($1, $2)",
+                  IntervalOf(options_.grace), kRemovedAtOnce);
+    removed = rows.ok() ? rows->front()[0].as<int>() : 0;
+  }
 }
 
 absl::Status PostgresBlobStore::TryWriting(std::int64_t bytes) {

@@ -25,7 +25,8 @@ namespace isomatch {
 ///  - what was used within `grace`: so long after Put or Pin there may be such
 ///    a row.
 /// So Keep makes no difference, Unpin does nothing, and Remove leaves alone
-/// what is needed or was just used; it goes when others need the room.
+/// what is needed. What was just used Tidy removes later, unless it is put or
+/// used again.
 ///
 /// The limits of capacity and tenant hold for what is put in turn. What several
 /// put at the same time they may exceed by that much: none waits until the
@@ -60,6 +61,7 @@ class PostgresBlobStore : public BlobStore {
   void Unpin(const BlobKey& /*key*/) override {}
   absl::StatusOr<Blob> Get(const BlobKey& key) override;
   void Remove(const BlobKey& key) override;
+  void Tidy() override;
   bool Has(const BlobKey& key) override;
   absl::StatusOr<bool> IsThere(const BlobKey& key) override;
   bool MakeTenantRoom(const BlobKey& key, std::int64_t bytes,

@@ -67,8 +67,13 @@ class BlobStore {
   /// as far as is known, but cannot be read just now.
   virtual absl::StatusOr<Blob> Get(const BlobKey& key) = 0;
 
-  /// Removes what is not pinned; nothing when it is not there.
+  /// Removes what is not pinned; nothing when it is not there. A store that
+  /// cannot yet leaves it to Tidy, unless it is used meanwhile.
   virtual void Remove(const BlobKey& key) = 0;
+
+  /// Removes what could not go before. To be called once a minute, by one of
+  /// the processes that share the store.
+  virtual void Tidy() {}
 
   /// Whether it is there, as far as is known without reading it. Counts as a
   /// use.

@@ -8,6 +8,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <pqxx/pqxx>
 
 #include "absl/time/clock.h"
 #include "server/server.h"
@@ -225,6 +226,32 @@ TEST_F(ClusterTest, DeletedJobsAreGoneForAll) {
   v1::GetJobResponse job;
   EXPECT_EQ(stub_->GetJob(&again, get, &job).error_code(),
             grpc::StatusCode::NOT_FOUND);
+}
+
+TEST_F(ClusterTest, WhatADeletedJobLeavesGoesWithTheChores) {
+  const auto worker = Start(Config("worker"));
+  const std::string name = CreateJob();
+  WaitFor(name, v1::Job::STATE_SUCCEEDED);
+  grpc::ClientContext context;
+  v1::DeleteJobRequest request;
+  request.set_name(name);
+  v1::DeleteJobResponse response;
+  ASSERT_TRUE(stub_->DeleteJob(&context, request, &response).ok());
+  pqxx::connection database((*TheServer())->url());
+  pqxx::nontransaction rows(database);
+  const auto count = [&] {
+    return rows.exec("SELECT count(*) FROM isomatch.blobs")[0][0].as<int>();
+  };
+  EXPECT_GT(count(), 0) << "removed before others can be done with it";
+  rows.exec(
+      "UPDATE isomatch.blobs SET used_at = used_at - interval '11 min', "
+      "remove_at = remove_at - interval '11 min'");
+  rows.exec("DELETE FROM isomatch.chores");
+  const auto other = Start(Config("gateway"));  // its first chores are all
+  for (int i = 0; i < 500 && count() > 0; ++i) {
+    absl::SleepFor(absl::Milliseconds(20));
+  }
+  EXPECT_EQ(count(), 0);
 }
 
 }  // namespace

@@ -23,9 +23,14 @@ CREATE TABLE isomatch.blobs (
   put_at timestamptz NOT NULL,
   -- May be behind by as much as callers of use_blob want.
   used_at timestamptz NOT NULL,
+  -- Somebody has removed it while it could not go yet: it goes then, unless it
+  -- was used meanwhile.
+  remove_at timestamptz,
   PRIMARY KEY (tenant, sha256)
 ) WITH (fillfactor = 80);
 CREATE INDEX blobs_by_use ON isomatch.blobs (used_at);
+CREATE INDEX blobs_to_remove ON isomatch.blobs (remove_at)
+  WHERE remove_at IS NOT NULL;
 
 CREATE TABLE isomatch.blob_chunks (
   tenant text NOT NULL,
@@ -60,14 +65,16 @@ ALTER TABLE isomatch.blob_probe ALTER COLUMN content SET STORAGE EXTERNAL;
 
 -- Those that no job needs.
 CREATE VIEW isomatch.unused_blobs AS
-  SELECT b.tenant, b.sha256, b.bytes, b.used_at FROM isomatch.blobs b
+  SELECT b.tenant, b.sha256, b.bytes, b.used_at, b.remove_at
+    FROM isomatch.blobs b
     WHERE NOT EXISTS (SELECT FROM isomatch.job_blobs r
                         WHERE r.tenant = b.tenant AND r.sha256 = b.sha256);
 
 -- Uses a blob, and returns what it is; no row when it is not there. `version`
 -- is another one each time that the content is put. The time of use is written
--- only when it is older than p_resolution: two statements, so that nobody who
--- removes it, or uses it as well, comes between them unseen.
+-- only when it is older than p_resolution, or when the blob would be removed:
+-- two statements, so that nobody who removes it, or uses it as well, comes
+-- between them unseen.
 CREATE FUNCTION isomatch.use_blob(
   p_tenant text, p_sha256 text, p_resolution interval)
 RETURNS TABLE (bytes bigint, chunks int, version bigint)
@@ -75,9 +82,9 @@ LANGUAGE plpgsql
 SET lock_timeout TO '3s'
 AS $$
 BEGIN
-  UPDATE isomatch.blobs b SET used_at = clock_timestamp()
+  UPDATE isomatch.blobs b SET used_at = clock_timestamp(), remove_at = NULL
     WHERE b.tenant = p_tenant AND b.sha256 = p_sha256
-      AND b.used_at <= now() - p_resolution;
+      AND (b.used_at <= now() - p_resolution OR b.remove_at IS NOT NULL);
   RETURN QUERY
     SELECT b.bytes, b.chunks, (extract(epoch FROM b.put_at) * 1000000)::bigint
       FROM isomatch.blobs b
@@ -107,7 +114,7 @@ BEGIN
       WHERE tenant = p_tenant AND sha256 = p_sha256 FOR NO KEY UPDATE;
     EXIT WHEN FOUND;  -- or else it was removed meanwhile
   END LOOP;
-  UPDATE isomatch.blobs SET used_at = clock_timestamp()
+  UPDATE isomatch.blobs SET used_at = clock_timestamp(), remove_at = NULL
     WHERE tenant = p_tenant AND sha256 = p_sha256;
   IF NOT present.is_damaged THEN
     RETURN NULL;
@@ -164,7 +171,16 @@ BEGIN
   RETURN freed;
 END $$;
 
--- Removes a blob that no job needs and that was not used within p_grace.
+-- Whoever deletes blobs of several tenants does it alone, so that two do not both
+-- delete what one of them needs, nor wait for each other's totals.
+CREATE FUNCTION isomatch.lock_many_blobs()
+RETURNS void
+LANGUAGE sql AS $$
+  SELECT pg_advisory_xact_lock(x'150A7C6'::int);
+$$;
+
+-- Removes a blob that no job needs; one that was used within p_grace once that
+-- is over, by remove_due_blobs.
 CREATE FUNCTION isomatch.remove_blob(
   p_tenant text, p_sha256 text, p_grace interval)
 RETURNS void
@@ -174,7 +190,36 @@ AS $$
 BEGIN
   IF isomatch.lock_old_blob(p_tenant, p_sha256, p_grace) THEN
     PERFORM isomatch.delete_locked_blob(p_tenant, p_sha256);
+    RETURN;
   END IF;
+  UPDATE isomatch.blobs b SET remove_at = b.used_at + p_grace
+    WHERE b.tenant = p_tenant AND b.sha256 = p_sha256
+      AND b.used_at > now() - p_grace
+      AND NOT EXISTS (SELECT FROM isomatch.job_blobs r
+                        WHERE r.tenant = p_tenant AND r.sha256 = p_sha256);
+END $$;
+
+-- Removes the blobs that are due, p_most of them; returns how many those were.
+CREATE FUNCTION isomatch.remove_due_blobs(p_grace interval, p_most int)
+RETURNS int
+LANGUAGE plpgsql
+SET lock_timeout TO '3s'
+AS $$
+DECLARE
+  blob record;
+  removed int := 0;
+BEGIN
+  PERFORM isomatch.lock_many_blobs();
+  FOR blob IN
+    SELECT u.tenant, u.sha256 FROM isomatch.unused_blobs u
+      WHERE u.remove_at <= now() AND u.used_at <= now() - p_grace
+      ORDER BY u.remove_at LIMIT p_most
+  LOOP
+    CONTINUE WHEN NOT isomatch.lock_old_blob(blob.tenant, blob.sha256, p_grace);
+    PERFORM isomatch.delete_locked_blob(blob.tenant, blob.sha256);
+    removed := removed + 1;
+  END LOOP;
+  RETURN removed;
 END $$;
 
 -- How many bytes are too many beside p_bytes for this blob: of its tenant
@@ -216,9 +261,7 @@ BEGIN
                                  p_of_tenant) <= 0 THEN
     RETURN 0;
   END IF;
-  -- One at a time, so that two do not both delete what one of them needs, nor
-  -- wait for each other's totals.
-  PERFORM pg_advisory_xact_lock(x'150A7C6'::int);
+  PERFORM isomatch.lock_many_blobs();
   missing := isomatch.missing_blob_bytes(p_tenant, p_sha256, p_bytes, p_limit,
                                          p_of_tenant);
   IF missing <= 0 THEN
