@@ -8,15 +8,19 @@
 #include "absl/strings/str_cat.h"
 #include "client/api/connection.h"
 #include "client/api/isomatch_client.h"
+#include "client/api/rpc_status.h"
 #include "core/base/status_macros.h"
 
 namespace isomatch {
 namespace {
 
-// Instead of gRPC's text about a connection that was not made.
-std::string ConnectionTrouble(const std::string& text) {
+// Instead of gRPC's text about a connection that was not made. A server that
+// answered gave its reason, and may speak of connections of its own.
+std::string ConnectionTrouble(const absl::Status& status) {
   constexpr char kWhatToDo[] =
       "; start isomatch-server, or name another by --server or ISOMATCH_SERVER";
+  const std::string text(status.message());
+  if (!ErrorReason(status).empty()) return text;
   if (absl::StrContains(text, "Connection refused")) {
     return absl::StrCat("nobody listens there (connection refused)", kWhatToDo);
   }
@@ -57,8 +61,7 @@ absl::Status RemoteServer::Explain(const absl::Status& status) const {
   switch (status.code()) {
     case absl::StatusCode::kUnavailable:
       return absl::UnavailableError(
-          absl::StrCat("--server ", address_, ": ",
-                       ConnectionTrouble(std::string(status.message()))));
+          absl::StrCat("--server ", address_, ": ", ConnectionTrouble(status)));
     case absl::StatusCode::kUnauthenticated:
       return absl::UnauthenticatedError(
           absl::StrCat("--server ", address_, ": ", status.message(),
