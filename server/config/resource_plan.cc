@@ -57,16 +57,24 @@ std::int64_t MaxResidentBytes(const ServerConfig& config,
   return std::min(wanted, PartOf(machine.memory_bytes, kMost));
 }
 
+/// How many jobs of a tenant may run. Processes that share a store count those
+/// of all together, which may be more than one of them can run: there the turns
+/// alone keep a tenant from having all.
+std::int64_t RunningJobs(const ServerConfig& config) {
+  if (config.is_shared()) return TenantLimits::kNone;
+  const std::int64_t workers = config.workers;
+  return HasTenants(config) ? (3 * workers + 3) / 4 : workers;
+}
+
 /// By what `plan` has of bytes.
 TenantLimits LimitsOfTenants(const ServerConfig& config,
                              const ResourcePlan& plan) {
   const bool has_tenants = HasTenants(config);
-  const std::int64_t workers =
-      has_tenants ? (3 * std::int64_t{config.workers} + 3) / 4 : config.workers;
   TenantLimits limits;
   limits.queued_jobs = Otherwise(config.max_queued_jobs_per_tenant,
                                  ShareOf(config.max_queued_jobs, config));
-  limits.running_jobs = Otherwise(config.max_running_jobs_per_tenant, workers);
+  limits.running_jobs =
+      Otherwise(config.max_running_jobs_per_tenant, RunningJobs(config));
   limits.kept_jobs = Otherwise(config.max_kept_jobs_per_tenant,
                                ShareOf(config.max_kept_jobs, config));
   limits.stored_bytes = StoredBytes(config);

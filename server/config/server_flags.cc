@@ -226,7 +226,8 @@ void AddTenantFlags(FlagSet& flags, ServerConfig& config) {
                  "Jobs that wait, TENANT_QUOTA; 0 is half of all");
   flags.AddCount("--max-running-jobs-per-tenant",
                  config.max_running_jobs_per_tenant, ServerConfig::kPerTenant,
-                 "Jobs that run; 0 is three quarters of --workers, rounded up");
+                 "Jobs that run, with --store at all processes; 0 is three "
+                 "quarters of --workers, rounded up, with --store no limit");
   flags.AddBytes(
       "--max-bytes-per-tenant", config.max_bytes_per_tenant,
       ServerConfig::kMaxTenantBytes,

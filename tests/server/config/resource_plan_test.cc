@@ -99,6 +99,16 @@ TEST(ResourcePlanTest, WithKeysEachHasAShare) {
   EXPECT_EQ(plan.intake_threads, 2);
 }
 
+TEST(ResourcePlanTest, ProcessesOfAStoreLimitNobodyToWhatOneOfThemRuns) {
+  ServerConfig config;
+  config.store = "postgresql://isomatch@db/isomatch";
+  EXPECT_EQ(Plan(config).tenant.running_jobs, TenantLimits::kNone);
+  config.api_keys = "keys";
+  EXPECT_EQ(Plan(config).tenant.running_jobs, TenantLimits::kNone);
+  config.max_running_jobs_per_tenant = 3;
+  EXPECT_EQ(Plan(config).tenant.running_jobs, 3);
+}
+
 TEST(ResourcePlanTest, WhatIsSaidHolds) {
   ServerConfig config;
   config.api_keys = "keys";
