@@ -112,13 +112,18 @@ void ClusterMember::Follow() {
 }
 
 void ClusterMember::DoChores() {
+  const absl::Duration asked = environment_.uptime();
   const auto holds = environment_.shared->HoldChore(
       kChores, environment_.process, kChoresTerm);
+  const absl::Duration now = environment_.uptime();
+  // Others may have waited as long as this one.
+  if (!holds.ok() || now - asked > environment_.lease / 2) silent_ = now;
   if (holds.ok() && *holds) {
-    TakeBackExpired();
+    if (now - silent_ > environment_.lease) {
+      TakeBackExpired();
+      EndUnwatched();
+    }
     EndOverdue();
-    EndUnwatched();
-    const absl::Duration now = environment_.uptime();
     if (now - pruned_ > kPruneInterval) {
       retention_.Prune();
       environment_.blobs->Tidy();

@@ -26,7 +26,9 @@ namespace isomatch {
 ///            fail, those that nobody watches are cancelled if they want it so;
 ///            once a minute old jobs go, and blobs that could not go before
 ///
-/// While the store does not answer all that waits until it does. Thread-safe.
+/// While the store does not answer all that waits until it does, and workers
+/// and watchers have a whole lease from then on to say that they are there.
+/// Thread-safe.
 class ClusterMember {
  public:
   ClusterMember(const JobEnvironment& environment, JobLifecycle* lifecycle,
@@ -64,6 +66,8 @@ class ClusterMember {
   absl::Duration registered_ = -absl::InfiniteDuration();
   absl::Duration told_watched_ = -absl::InfiniteDuration();
   absl::Duration pruned_ = -absl::InfiniteDuration();
+  /// When the store last did not answer, or only late.
+  absl::Duration silent_ = -absl::InfiniteDuration();
   /// Of the jobs that are watched here: the change that watchers know of.
   std::map<std::string, std::uint64_t> sequences_;
 
