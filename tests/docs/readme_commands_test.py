@@ -33,6 +33,8 @@ ELSEWHERE = {
     ("proto/README.md", "Numbering", "js"): (1, "tests/languages/python/numbering_test.py"),
     ("proto/README.md", "From a shell", "sh"): (3, "tests/languages/python/buf_test.py"),
     ("proto/README.md", "In other languages", "sh"): (1, "tests/languages/python/generated_code_test.py"),
+    ("server/README.md", "Several machines", "sh"): (1, "tests/docs/cluster_pages_test.py"),
+    ("server/README.md", "Running it", "sh"): (2, "tests/docs/cluster_pages_test.py"),
 }
 
 # Flags that the text names by themselves and that are other programs'.
@@ -93,16 +95,22 @@ def commands_in_text():
     return found
 
 
-def free_port():
-    """Returns a port below those that the kernel gives to others who ask for any."""
-    for port in random.sample(range(20000, 32000), 100):
-        with socket.socket() as probe:
-            try:
-                probe.bind(("0.0.0.0", port))
-            except OSError:
-                continue
+def free_port(offsets=(0,)):
+    """Returns a port that is free, as are those so far above it; all are below those
+    that the kernel gives to others who ask for any."""
+    for port in random.sample(range(20000, 30000), 100):
+        if all(is_free(port + offset) for offset in offsets):
             return port
-    raise RuntimeError("no free port between 20000 and 32000")
+    raise RuntimeError("no free port between 20000 and 30000")
+
+
+def is_free(port):
+    with socket.socket() as probe:
+        try:
+            probe.bind(("0.0.0.0", port))
+        except OSError:
+            return False
+    return True
 
 
 def script(block):
