@@ -252,7 +252,7 @@ void ClusterChaosTest::PrintFigures() {
 }
 
 TEST_P(ClusterChaosTest, WhatAClientWasToldHolds) {
-  const int quick = GetParam() == Way::kSocket ? 20 : 10;
+  const int quick = GetParam() == Way::kSocket ? 20 : 8;
   ASSERT_FALSE(HasFailure()) << "no cluster";
   const int rounds = Rounds("ISOMATCH_CLUSTER_ROUNDS", quick, 300);
   for (round_ = 0; round_ < rounds && !HasFailure(); ++round_) {

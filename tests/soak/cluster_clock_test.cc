@@ -44,7 +44,7 @@ class ClusterClockTest : public testing::Test {
 };
 
 std::vector<std::string> ClusterClockTest::SendJobs() {
-  const int jobs = Rounds("ISOMATCH_CLOCK_JOBS", 60, 2000);
+  const int jobs = Rounds("ISOMATCH_CLOCK_JOBS", 30, 2000);
   std::vector<std::string> names;
   for (int i = 0; i < jobs; ++i) {
     v1::CreateJobRequest request = known_.request(i % kKinds);

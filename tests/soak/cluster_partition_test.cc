@@ -28,12 +28,13 @@ v1::CreateJobRequest MediumJob() {
 
 class ClusterPartitionTest : public testing::Test {
  protected:
-  /// Waits until the job's attempt of this number runs; false when none does.
+  /// Waits until the job's attempt of this number has its meshes and computes;
+  /// false when none does.
   bool WaitForAttempt(const std::string& name, std::uint32_t attempt);
 
   TestCluster cluster_{{.gateways = 1,
                         .workers = 1,
-                        .flags = {"--lease", "2s"},
+                        .flags = {"--lease", "4s"},
                         .way = TestCluster::Way::kProxies}};
 };
 
@@ -44,8 +45,8 @@ bool ClusterPartitionTest::WaitForAttempt(const std::string& name,
     const auto job = GetJob(cluster_.stub(0), name);
     EXPECT_TRUE(job.ok()) << job.status();
     if (!job.ok() || IsEnd(job->state())) return false;
-    const bool runs = job->state() == v1::Job::STATE_RUNNING;
-    if (runs && job->attempt() == attempt) return true;
+    const bool computes = job->progress().total_fraction() > 0;
+    if (computes && job->attempt() == attempt) return true;
     absl::SleepFor(absl::Milliseconds(5));
   }
   return false;
@@ -60,15 +61,21 @@ TEST_F(ClusterPartitionTest, ALateResultIsRefused) {
 
   cluster_.AddWorker();
   ASSERT_TRUE(WaitForAttempt(name, 2)) << "the first worker keeps its lease";
-  // The first one is done by now, or soon, and tells it while the other runs.
+  // The first one is done by now, and tells it while the other runs, which
+  // cannot tell so before.
+  cluster_.proxy_of_worker(1).Set(DatabaseProxy::Mode::kSilent);
   cluster_.proxy_of_worker(0).Set(DatabaseProxy::Mode::kPass);
+  absl::SleepFor(absl::Seconds(1));
+  cluster_.proxy_of_worker(1).Set(DatabaseProxy::Mode::kPass);
 
   const auto job = WaitForEnd(cluster_.stub(0), name);
   ASSERT_TRUE(job.ok()) << job.status();
   EXPECT_EQ(job->state(), v1::Job::STATE_SUCCEEDED) << job->DebugString();
   EXPECT_EQ(job->attempt(), 2);
-  // It still takes jobs, and what it had is of no use.
   cluster_.RemoveWorker(1);
+  const std::string id = name.substr(name.find('/') + 1);
+  EXPECT_EQ(cluster_.successes().count(id), 1) << "it is not the second's";
+  // The first one still takes jobs.
   const auto next = CreateJob(cluster_.stub(0), MediumJob());
   ASSERT_TRUE(next.ok()) << next.status();
   const auto end = WaitForEnd(cluster_.stub(0), next->name());
@@ -79,8 +86,8 @@ TEST_F(ClusterPartitionTest, ALateResultIsRefused) {
   const auto after = GetJob(cluster_.stub(0), name);
   ASSERT_TRUE(after.ok()) << after.status();
   EXPECT_EQ(after->sequence(), job->sequence());
-  for (const auto& [id, count] : cluster_.EndWorkers()) {
-    EXPECT_EQ(count, 1) << id;
+  for (const auto& [job_id, count] : cluster_.EndWorkers()) {
+    EXPECT_EQ(count, 1) << job_id;
   }
 }
 

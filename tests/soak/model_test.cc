@@ -469,7 +469,7 @@ TEST_P(ModelTest, ServerAndModelAgreeAfterEachOperation) {
   const bool is_one = GetParam() == ServerKind::kOne;
   const std::string name = is_one ? "model: " : "model of the cluster: ";
   const int operations =
-      Rounds("ISOMATCH_OPERATIONS", is_one ? 5000 : 1500, 200'000);
+      Rounds("ISOMATCH_OPERATIONS", is_one ? 5000 : 1000, 200'000);
   const int per_restart =
       Rounds("ISOMATCH_OPERATIONS_PER_RESTART", is_one ? 250 : 50, 500);
   for (step_ = 0; step_ < operations && !HasFailure(); ++step_) {

@@ -252,7 +252,7 @@ std::string TestCluster::Ask(const std::string& sql) const {
   }
 }
 
-std::map<std::string, int> TestCluster::EndWorkers() {
+const std::map<std::string, int>& TestCluster::EndWorkers() {
   for (Member& worker : workers_) {
     if (worker.process != nullptr) End(worker, SIGTERM);
   }

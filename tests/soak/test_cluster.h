@@ -87,9 +87,11 @@ class TestCluster {
   /// Runs a statement in the database; returns the first value, or "".
   std::string Ask(const std::string& sql) const;
 
-  /// Ends all workers. Returns how often they have logged, together, that a job
-  /// SUCCEEDED, by its ID, also those that were killed.
-  std::map<std::string, int> EndWorkers();
+  /// How often the workers that have ended, or were killed, had logged together
+  /// that a job SUCCEEDED, by its ID.
+  const std::map<std::string, int>& successes() const { return successes_; }
+  /// Ends all workers, and returns that.
+  const std::map<std::string, int>& EndWorkers();
 
  private:
   /// What runs a process, and how to start it again.
