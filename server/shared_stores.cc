@@ -55,10 +55,14 @@ absl::StatusOr<Stores> OpenAnyStores(const ServerConfig& config) {
       PostgresJobStore::Options{.unwatched_grace = config.unwatched_grace});
   stores.shared = jobs.get();
   stores.jobs = std::move(jobs);
-  stores.blobs = std::make_unique<PostgresBlobStore>(
-      pool.get(),
-      PostgresBlobStore::Options{.capacity_bytes = config.blob_store_bytes,
-                                 .cache_bytes = kBlobCacheBytes});
+  auto blobs = std::make_unique<PostgresBlobStore>(
+      pool.get(), PostgresBlobStore::Options{
+                      .capacity_bytes = config.blob_store_bytes,
+                      .cache_bytes = kBlobCacheBytes,
+                      .folder = config.blob_dir,
+                      .puts_into_folder = !config.blob_dir_read_only});
+  ISOMATCH_RETURN_IF_ERROR(blobs->Check());
+  stores.blobs = std::move(blobs);
   stores.database = std::move(pool);
   return stores;
 }

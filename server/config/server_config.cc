@@ -84,7 +84,16 @@ absl::Status CheckWord(absl::string_view field, const std::string& word,
 absl::Status CheckStore(const ServerConfig& config) {
   ISOMATCH_RETURN_IF_ERROR(
       CheckWord("--role", config.role, {"all", "gateway", "worker"}));
+  if (config.blob_dir_read_only && config.blob_dir.empty()) {
+    return absl::InvalidArgumentError(
+        "--blob-dir-read-only without --blob-dir");
+  }
   if (!config.is_shared()) {
+    if (!config.blob_dir.empty()) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("--blob-dir = ", config.blob_dir,
+                       " without --store; --data-dir has its own"));
+    }
     if (config.role == "all") return absl::OkStatus();
     return absl::InvalidArgumentError(
         absl::StrCat("--role = ", config.role,

@@ -50,6 +50,10 @@ struct ServerConfig {
   std::string store;
   /// File whose first line is the database's password; none when empty.
   std::string store_password_file;
+  /// With `store`: folder that all processes share, for the content of blobs;
+  /// empty for the database. `blob_dir_read_only`: not that of new ones.
+  std::string blob_dir;
+  bool blob_dir_read_only = false;
   bool is_shared() const { return !store.empty(); }
   /// With `store`: "gateway" takes calls, "worker" runs jobs, "all" does both.
   std::string role = "all";

@@ -127,6 +127,12 @@ void AddClusterFlags(FlagSet& flags, ServerConfig& config) {
   flags.AddText("--store-password-file", config.store_password_file, "FILE",
                 "File whose first line is the password of --store; otherwise "
                 "PGPASSWORD or PGPASSFILE");
+  flags.AddText("--blob-dir", config.blob_dir, "FOLDER",
+                "With --store: folder that all processes share, such as NFS, "
+                "for meshes and results; otherwise they are in the database");
+  flags.AddSwitch("--blob-dir-read-only", config.blob_dir_read_only,
+                  "New meshes and results go to the database, also with "
+                  "--blob-dir");
   flags.AddText("--role", config.role, "ROLE",
                 "With --store: gateway takes calls, worker runs jobs, all does "
                 "both. With --new-api-key: read, submit or admin");

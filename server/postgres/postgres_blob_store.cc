@@ -1,11 +1,9 @@
 #include "server/postgres/postgres_blob_store.h"
 
-#include <algorithm>
 #include <memory>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "absl/strings/string_view.h"
 #include "core/base/sha256.h"
 #include "core/base/status_macros.h"
 #include "server/postgres/job_rows.h"
@@ -13,11 +11,6 @@
 namespace isomatch {
 namespace {
 
-/// Bytes of a row of blob_chunks.
-constexpr std::int64_t kChunkBytes = 256 * 1024;
-/// Rows that one statement writes or reads: 4 MiB, so that it ends in time, and
-/// neither side needs memory for much more than the blob.
-constexpr int kChunksAtOnce = 16;
 /// Blobs that one statement of Tidy removes, and statements of one Tidy: the
 /// other chores wait for it.
 constexpr int kRemovedAtOnce = 100;
@@ -28,47 +21,23 @@ constexpr int kAttempts = 5;
 using Repeat = PostgresPool::Repeat;
 using SteadyClock = std::chrono::steady_clock;
 
-int CountChunks(std::int64_t bytes) {
-  return static_cast<int>((bytes + kChunkBytes - 1) / kChunkBytes);
-}
-
-/// What a BlobStore may say of an error of the database.
-absl::Status StorageError(const absl::Status& status) {
-  if (status.ok() || absl::IsResourceExhausted(status)) return status;
-  return absl::UnavailableError(status.message());
-}
-
-/// Inserts the chunks from number `first` on, as many as one statement does.
-void InsertChunks(pqxx::work& transaction, const BlobKey& key,
-                  const std::string& bytes, int first) {
-  const size_t begin = static_cast<size_t>(first) * kChunkBytes;
-  const size_t size =
-      std::min<size_t>(bytes.size() - begin, kChunksAtOnce * kChunkBytes);
-  transaction.exec_params(
-      "INSERT INTO isomatch.blob_chunks (tenant, sha256, index, content) "
-      "SELECT $1, $2, $3::int + i, substr($4::bytea, i * $5::int + 1, $5::int) "
-      "FROM generate_series(0, $6::int - 1) AS i",
-      key.tenant, key.sha256, first,
-      pqxx::binarystring(bytes.data() + begin, size), kChunkBytes,
-      CountChunks(static_cast<std::int64_t>(size)));
-}
-
-/// Returns the value of a lower-case hexadecimal digit.
-unsigned ValueOf(char digit) {
-  return static_cast<unsigned char>(digit <= '9' ? digit - '0'
-                                                 : digit - 'a' + 10);
-}
-
-void AppendHex(absl::string_view digits, std::string& bytes) {
-  size_t at = bytes.size();
-  bytes.resize(at + digits.size() / 2);
-  for (size_t i = 0; i + 1 < digits.size(); i += 2) {
-    bytes[at++] =
-        static_cast<char>(ValueOf(digits[i]) * 16 + ValueOf(digits[i + 1]));
-  }
-}
-
 }  // namespace
+
+PostgresBlobStore::PostgresBlobStore(PostgresPool* pool, const Options& options)
+    : pool_(*pool),
+      options_(options),
+      cache_(options.cache_bytes),
+      rows_(pool),
+      files_(options.folder.empty()
+                 ? nullptr
+                 : std::make_unique<BlobFolder>(pool, options.folder)),
+      content_of_new_(files_ != nullptr && options.puts_into_folder
+                          ? static_cast<BlobContent*>(files_.get())
+                          : &rows_) {}
+
+absl::Status PostgresBlobStore::Check() {
+  return files_ == nullptr ? absl::OkStatus() : files_->Check();
+}
 
 absl::Status PostgresBlobStore::Put(const BlobKey& key, std::string bytes,
                                     Keep /*keep*/) {
@@ -82,20 +51,23 @@ absl::Status PostgresBlobStore::Put(const BlobKey& key, std::string bytes,
 
 absl::Status PostgresBlobStore::Insert(const BlobKey& key,
                                        const std::string& bytes) {
-  const auto size = static_cast<std::int64_t>(bytes.size());
-  const int chunks = CountChunks(size);
-  return StorageError(pool_.Run([&](pqxx::work& transaction) {
-    const pqxx::result put =
-        transaction.exec_params("SELECT isomatch.put_blob($1, $2, $3, $4)",
-                                key.tenant, key.sha256, size, chunks);
-    if (put[0][0].is_null()) return absl::OkStatus();
-    for (int first = 0; first < chunks; first += kChunksAtOnce) {
-      InsertChunks(transaction, key, bytes, first);
-    }
+  BlobContent& content = *content_of_new_;
+  ISOMATCH_ASSIGN_OR_RETURN(const BlobPlace place, content.Write(key, bytes));
+  bool is_there = false;
+  const absl::Status put = pool_.Run([&](pqxx::work& transaction) {
+    const pqxx::result more = transaction.exec_params(
+        "SELECT isomatch.put_blob($1, $2, $3, $4, nullif($5, ''))", key.tenant,
+        key.sha256, place.bytes, place.chunks, place.file);
+    is_there = more[0][0].is_null();
+    if (is_there) return absl::OkStatus();
+    content.Insert(transaction, key, bytes);
     transaction.exec_params("SELECT isomatch.count_blob_bytes($1, $2)",
-                            key.tenant, put[0][0].as<std::int64_t>());
+                            key.tenant, more[0][0].as<std::int64_t>());
     return absl::OkStatus();
-  }));
+  });
+  // After an error the row may be there nevertheless.
+  if (put.ok() && is_there) content.TakeBack(place);
+  return BlobStorageError(put);
 }
 
 absl::Status PostgresBlobStore::MakeRoom(const BlobKey& key, std::int64_t bytes,
@@ -106,15 +78,17 @@ absl::Status PostgresBlobStore::MakeRoom(const BlobKey& key, std::int64_t bytes,
         "SELECT isomatch.make_blob_room($1, $2, $3, $4, $5, $6::interval)",
         key.tenant, key.sha256, bytes, room.limit_bytes, room.of_tenant,
         IntervalOf(options_.grace));
-    ISOMATCH_RETURN_IF_ERROR(StorageError(missing.status()));
+    ISOMATCH_RETURN_IF_ERROR(BlobStorageError(missing.status()));
     const pqxx::row row = missing->front();
     if (row[0].is_null()) {
       return absl::ResourceExhaustedError(
           absl::StrCat("no room for ", bytes, " bytes of ", room.limit_bytes,
                        " beside those that are needed"));
     }
-    if (row[0].as<std::int64_t>() == 0) return absl::OkStatus();
+    if (row[0].as<std::int64_t>() == 0) break;
   }
+  content_of_new_->RemoveDropped();
+  return absl::OkStatus();
 }
 
 bool PostgresBlobStore::MakeTenantRoom(const BlobKey& key, std::int64_t bytes,
@@ -128,14 +102,15 @@ absl::StatusOr<PostgresBlobStore::Found> PostgresBlobStore::Use(
     const BlobKey& key) {
   const auto rows =
       pool_.Ask(Repeat::kOnce,
-                "SELECT bytes, chunks, version "
+                "SELECT bytes, chunks, file, version "
                 "FROM isomatch.use_blob($1, $2, $3::interval)",
                 key.tenant, key.sha256, IntervalOf(options_.use_resolution));
-  ISOMATCH_RETURN_IF_ERROR(StorageError(rows.status()));
+  ISOMATCH_RETURN_IF_ERROR(BlobStorageError(rows.status()));
   if (rows->empty()) return absl::NotFoundError(key.sha256);
   const pqxx::row row = rows->front();
-  return Found{row[0].as<std::int64_t>(), row[1].as<int>(),
-               row[2].as<std::int64_t>()};
+  return Found{
+      {row[0].as<std::int64_t>(), row[1].as<int>(), row[2].as<std::string>("")},
+      row[3].as<std::int64_t>()};
 }
 
 bool PostgresBlobStore::Pin(const BlobKey& key) {
@@ -165,7 +140,7 @@ absl::StatusOr<BlobStore::Blob> PostgresBlobStore::Fetch(const BlobKey& key,
   for (int attempt = 0; attempt < kAttempts; ++attempt) {
     ISOMATCH_ASSIGN_OR_RETURN(const Found found, Use(key));
     if (known != nullptr) return known;
-    absl::StatusOr<std::string> bytes = Read(key, found);
+    absl::StatusOr<std::string> bytes = Read(key, found.place);
     if (bytes.ok()) {
       return std::make_shared<const std::string>(*std::move(bytes));
     }
@@ -178,31 +153,21 @@ absl::StatusOr<BlobStore::Blob> PostgresBlobStore::Fetch(const BlobKey& key,
 }
 
 absl::StatusOr<std::string> PostgresBlobStore::Read(const BlobKey& key,
-                                                    const Found& found) {
-  std::string bytes;
-  bytes.reserve(static_cast<size_t>(found.bytes));
-  for (int first = 0; first < found.chunks; first += kChunksAtOnce) {
-    // Hexadecimal digits whatever the database's bytea_output is: libpqxx
-    // cannot ask for binary results.
-    const auto rows = pool_.Ask(
-        Repeat::kOnce,
-        "SELECT encode(content, 'hex') FROM isomatch.blob_chunks "
-        "WHERE tenant = $1 AND sha256 = $2 AND index >= $3 AND index < $4 "
-        "ORDER BY index",
-        key.tenant, key.sha256, first, first + kChunksAtOnce);
-    if (absl::IsDataLoss(rows.status())) return rows.status();
-    ISOMATCH_RETURN_IF_ERROR(StorageError(rows.status()));
-    for (const pqxx::row& row : *rows) {
-      AppendHex({row[0].c_str(), row[0].size()}, bytes);
-    }
+                                                    const BlobPlace& place) {
+  BlobContent* content = &rows_;
+  if (!place.file.empty()) content = files_.get();
+  if (content == nullptr) {
+    return absl::UnavailableError(absl::StrCat(
+        key.sha256, " is in the file ", place.file, ", expected --blob-dir"));
   }
+  ISOMATCH_ASSIGN_OR_RETURN(std::string bytes, content->Read(key, place));
   if (Sha256Hex(bytes) != key.sha256) return absl::DataLossError(key.sha256);
   return bytes;
 }
 
 absl::Status PostgresBlobStore::SetDamaged(const BlobKey& key,
                                            const Found& found) {
-  return StorageError(
+  return BlobStorageError(
       pool_
           .Ask(Repeat::kOnce,
                "UPDATE isomatch.blobs SET is_damaged = true "
@@ -217,6 +182,7 @@ void PostgresBlobStore::Remove(const BlobKey& key) {
                   "SELECT isomatch.remove_blob($1, $2, $3::interval)",
                   key.tenant, key.sha256, IntervalOf(options_.grace));
   cache_.Remove(key);
+  if (files_ != nullptr) files_->RemoveDropped();
 }
 
 void PostgresBlobStore::Tidy() {
@@ -227,18 +193,13 @@ void PostgresBlobStore::Tidy() {
                   IntervalOf(options_.grace), kRemovedAtOnce);
     removed = rows.ok() ? rows->front()[0].as<int>() : 0;
   }
+  if (files_ != nullptr) files_->Tidy();
 }
 
 absl::Status PostgresBlobStore::TryWriting(std::int64_t bytes) {
-  const absl::Status status = pool_.Run([&](pqxx::work& transaction) {
-    transaction.exec_params(
-        "INSERT INTO isomatch.blob_probe (content) "
-        "SELECT convert_to(repeat('x', $1::int), 'UTF8') "
-        "FROM generate_series(1, $2::int)",
-        kChunkBytes, CountChunks(bytes) + 1);
-    return absl::CancelledError("to be taken back");
-  });
-  return absl::IsCancelled(status) ? absl::OkStatus() : StorageError(status);
+  if (content_of_new_ == &rows_) return rows_.TryWriting(bytes);
+  ISOMATCH_RETURN_IF_ERROR(content_of_new_->TryWriting(bytes));
+  return rows_.TryWriting(0);
 }
 
 bool PostgresBlobStore::CanMakeRoom(std::int64_t bytes) const {

@@ -3,6 +3,7 @@
 #include <chrono>
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 
@@ -11,14 +12,17 @@
 #include "absl/time/time.h"
 #include "core/base/mutex.h"
 #include "server/postgres/blob_cache.h"
+#include "server/postgres/blob_content.h"
+#include "server/postgres/blob_folder.h"
+#include "server/postgres/blob_rows.h"
 #include "server/postgres/postgres_pool.h"
 #include "server/storage/blob_store.h"
 
 namespace isomatch {
 
 /// Blobs in the tables of server/postgres/schema/002_blobs.sql, which any
-/// number of processes may share. Knows none by itself, but for a cache.
-/// Thread-safe.
+/// number of processes may share, with their content there or in files. Knows
+/// none by itself, but for a cache. Thread-safe.
 ///
 /// Pins are no counters of a process here. What stays is
 ///  - what a row of isomatch.job_blobs names, until the job store removes it;
@@ -45,6 +49,11 @@ class PostgresBlobStore : public BlobStore {
     absl::Duration grace = absl::Minutes(10);
     /// Bytes of blobs in memory, which spare the database to send them again.
     std::int64_t cache_bytes = 0;
+    /// Of files with content, see BlobFolder; empty for none: then those that
+    /// are in files cannot be read.
+    std::string folder = "";
+    /// Whether new content goes there; otherwise into rows.
+    bool puts_into_folder = true;
     /// A use is written only if the last one was so long ago; in between Get
     /// answers from the cache without asking.
     absl::Duration use_resolution = absl::Minutes(1);
@@ -53,8 +62,10 @@ class PostgresBlobStore : public BlobStore {
   };
 
   /// REQUIRES: the pool outlives the store, and Migrate was done.
-  PostgresBlobStore(PostgresPool* pool, const Options& options)
-      : pool_(*pool), options_(options), cache_(options.cache_bytes) {}
+  PostgresBlobStore(PostgresPool* pool, const Options& options);
+
+  /// Whether the folder can be used, if there is one. UNAVAILABLE.
+  absl::Status Check();
 
   absl::Status Put(const BlobKey& key, std::string bytes, Keep keep) override;
   bool Pin(const BlobKey& key) override;
@@ -73,8 +84,7 @@ class PostgresBlobStore : public BlobStore {
  private:
   /// What use_blob tells of one that is there.
   struct Found {
-    std::int64_t bytes = 0;
-    int chunks = 0;
+    BlobPlace place;
     std::int64_t version = 0;
   };
 
@@ -115,7 +125,7 @@ class PostgresBlobStore : public BlobStore {
 
   /// Reads the content and checks it. DATA_LOSS: it is not what was put, or was
   /// removed meanwhile; UNAVAILABLE.
-  absl::StatusOr<std::string> Read(const BlobKey& key, const Found& found);
+  absl::StatusOr<std::string> Read(const BlobKey& key, const BlobPlace& place);
 
   /// From now on it is as good as missing, unless it was put again meanwhile.
   absl::Status SetDamaged(const BlobKey& key, const Found& found);
@@ -125,6 +135,9 @@ class PostgresBlobStore : public BlobStore {
   const std::chrono::microseconds use_resolution_ =
       absl::ToChronoMicroseconds(options_.use_resolution);
   BlobCache cache_;
+  BlobRows rows_;
+  const std::unique_ptr<BlobFolder> files_;  // may be null
+  BlobContent* const content_of_new_;
   mutable Figure total_{options_.figures_age};
   mutable Figure unused_{options_.figures_age};
 };

@@ -16,6 +16,7 @@
 #include "tests/server/postgres/test_database.h"
 #include "tests/server/test_server.h"
 #include "tests/support/matchers.h"
+#include "tests/support/temporary_folder.h"
 
 namespace isomatch {
 namespace {
@@ -226,6 +227,36 @@ TEST_F(ClusterTest, DeletedJobsAreGoneForAll) {
   v1::GetJobResponse job;
   EXPECT_EQ(stub_->GetJob(&again, get, &job).error_code(),
             grpc::StatusCode::NOT_FOUND);
+}
+
+TEST_F(ClusterTest, MeshesAndResultsMayBeInAFolder) {
+  const TemporaryFolder folder;
+  ServerConfig gateway = Config("gateway");
+  ServerConfig worker = Config("worker");
+  gateway.blob_dir = folder.Path("");
+  worker.blob_dir = folder.Path("");
+  const auto other = Start(gateway);
+  const auto runs = Start(worker);
+  CallAt(*other);
+  const std::string name = CreateJob();
+  WaitFor(name, v1::Job::STATE_SUCCEEDED);
+  pqxx::connection database((*TheServer())->url());
+  pqxx::nontransaction rows(database);
+  EXPECT_EQ(
+      rows.exec("SELECT count(*) FROM isomatch.blob_chunks")[0][0].as<int>(),
+      0);
+  EXPECT_GT(rows.exec("SELECT count(file) FROM isomatch.blobs")[0][0].as<int>(),
+            0);
+}
+
+TEST_F(ClusterTest, AFolderOfAnotherDatabaseIsRefused) {
+  const TemporaryFolder folder;
+  folder.Write("isomatch-blobs", "another");
+  ServerConfig config = Config("gateway");
+  config.blob_dir = folder.Path("");
+  EXPECT_THAT(Server::Create(config, GatedEngine(), nullptr, OpenAnyStores),
+              StatusIs(absl::StatusCode::kUnavailable,
+                       testing::HasSubstr("not the folder of this database")));
 }
 
 TEST_F(ClusterTest, WhatADeletedJobLeavesGoesWithTheChores) {

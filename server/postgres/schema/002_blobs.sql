@@ -3,11 +3,15 @@
 -- Bytes under the SHA-256 of their content, of each tenant for itself.
 --
 --   blobs        one row a blob: how large it is, and when it was last used.
---   blob_chunks  its content, in rows that are written once.
+--   blob_chunks  its content, in rows that are written once, unless it is in a
+--                file of a folder that all processes share.
 --   job_blobs    which jobs need which blobs. Whoever changes a job changes its
 --                rows here in the same transaction. What has a row stays.
 --   blob_totals  how many bytes each tenant has. Changed last in a transaction,
 --                since others of the tenant wait for its end then.
+--   blob_folder  one row: what the folder of files says that belongs to this
+--                database, and whether there is such a folder.
+--   dropped_files  files whose rows are gone, until somebody has removed them.
 --   blob_probe   empty; what is written here to see whether it can be is taken
 --                back.
 --
@@ -26,11 +30,21 @@ CREATE TABLE isomatch.blobs (
   -- Somebody has removed it while it could not go yet: it goes then, unless it
   -- was used meanwhile.
   remove_at timestamptz,
+  -- TENANT/AB/SHA256.RANDOM in the folder; NULL when it is in blob_chunks.
+  file text CHECK (file IS NULL OR chunks = 0),
   PRIMARY KEY (tenant, sha256)
 ) WITH (fillfactor = 80);
 CREATE INDEX blobs_by_use ON isomatch.blobs (used_at);
 CREATE INDEX blobs_to_remove ON isomatch.blobs (remove_at)
   WHERE remove_at IS NOT NULL;
+
+CREATE UNIQUE INDEX blobs_by_file ON isomatch.blobs (file)
+  WHERE file IS NOT NULL;
+
+CREATE TABLE isomatch.dropped_files (file text PRIMARY KEY);
+
+CREATE TABLE isomatch.blob_folder (mark text NOT NULL, is_marked boolean NOT NULL);
+INSERT INTO isomatch.blob_folder VALUES (gen_random_uuid()::text, false);
 
 CREATE TABLE isomatch.blob_chunks (
   tenant text NOT NULL,
@@ -77,7 +91,7 @@ CREATE VIEW isomatch.unused_blobs AS
 -- between them unseen.
 CREATE FUNCTION isomatch.use_blob(
   p_tenant text, p_sha256 text, p_resolution interval)
-RETURNS TABLE (bytes bigint, chunks int, version bigint)
+RETURNS TABLE (bytes bigint, chunks int, file text, version bigint)
 LANGUAGE plpgsql
 SET lock_timeout TO '3s'
 AS $$
@@ -86,7 +100,8 @@ BEGIN
     WHERE b.tenant = p_tenant AND b.sha256 = p_sha256
       AND (b.used_at <= now() - p_resolution OR b.remove_at IS NOT NULL);
   RETURN QUERY
-    SELECT b.bytes, b.chunks, (extract(epoch FROM b.put_at) * 1000000)::bigint
+    SELECT b.bytes, b.chunks, b.file,
+           (extract(epoch FROM b.put_at) * 1000000)::bigint
       FROM isomatch.blobs b
       WHERE b.tenant = p_tenant AND b.sha256 = p_sha256 AND NOT b.is_damaged;
 END $$;
@@ -96,16 +111,17 @@ END $$;
 -- insert its chunks, and to end with count_blob_bytes. Waits for whoever puts
 -- the same at this moment.
 CREATE FUNCTION isomatch.put_blob(
-  p_tenant text, p_sha256 text, p_bytes bigint, p_chunks int)
+  p_tenant text, p_sha256 text, p_bytes bigint, p_chunks int, p_file text)
 RETURNS bigint
 LANGUAGE plpgsql AS $$
 DECLARE
   present isomatch.blobs;
 BEGIN
   LOOP
-    INSERT INTO isomatch.blobs (tenant, sha256, bytes, chunks, put_at, used_at)
-      VALUES (p_tenant, p_sha256, p_bytes, p_chunks, clock_timestamp(),
-              clock_timestamp())
+    INSERT INTO isomatch.blobs
+        (tenant, sha256, bytes, chunks, file, put_at, used_at)
+      VALUES (p_tenant, p_sha256, p_bytes, p_chunks, p_file,
+              clock_timestamp(), clock_timestamp())
       ON CONFLICT DO NOTHING;
     IF FOUND THEN
       RETURN p_bytes;
@@ -121,8 +137,10 @@ BEGIN
   END IF;
   DELETE FROM isomatch.blob_chunks
     WHERE tenant = p_tenant AND sha256 = p_sha256;
+  INSERT INTO isomatch.dropped_files
+    SELECT present.file WHERE present.file IS NOT NULL;
   UPDATE isomatch.blobs
-    SET is_damaged = false, bytes = p_bytes, chunks = p_chunks,
+    SET is_damaged = false, bytes = p_bytes, chunks = p_chunks, file = p_file,
         put_at = clock_timestamp()
     WHERE tenant = p_tenant AND sha256 = p_sha256;
   RETURN p_bytes - present.bytes;
@@ -158,15 +176,17 @@ RETURNS bigint
 LANGUAGE plpgsql AS $$
 DECLARE
   freed bigint;
+  dropped text;
 BEGIN
   DELETE FROM isomatch.blobs b
     WHERE b.tenant = p_tenant AND b.sha256 = p_sha256
       AND NOT EXISTS (SELECT FROM isomatch.job_blobs r
                         WHERE r.tenant = p_tenant AND r.sha256 = p_sha256)
-    RETURNING b.bytes INTO freed;
+    RETURNING b.bytes, b.file INTO freed, dropped;
   IF NOT FOUND THEN
     RETURN 0;
   END IF;
+  INSERT INTO isomatch.dropped_files SELECT dropped WHERE dropped IS NOT NULL;
   PERFORM isomatch.count_blob_bytes(p_tenant, -freed);
   RETURN freed;
 END $$;

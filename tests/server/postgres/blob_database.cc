@@ -15,6 +15,13 @@ constexpr absl::Duration kPatience = absl::Seconds(20);
 
 }  // namespace
 
+PostgresBlobStore::Options ExactOptions(std::int64_t capacity_bytes) {
+  return {.capacity_bytes = capacity_bytes,
+          .grace = absl::ZeroDuration(),
+          .use_resolution = absl::ZeroDuration(),
+          .figures_age = absl::ZeroDuration()};
+}
+
 BlobDatabase::BlobDatabase() {
   auto pool = NewDatabase(kPatience);
   EXPECT_THAT(pool, IsOk());

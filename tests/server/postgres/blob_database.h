@@ -1,15 +1,20 @@
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <string>
 
 #include <pqxx/pqxx>
 
+#include "server/postgres/postgres_blob_store.h"
 #include "server/postgres/postgres_pool.h"
 #include "server/storage/blob_store.h"
 #include "tests/support/postgres_server.h"
 
 namespace isomatch {
+
+/// Of a store that forgets nothing and knows everything at once.
+PostgresBlobStore::Options ExactOptions(std::int64_t capacity_bytes);
 
 /// The database of this test process with new tables, and a connection to look
 /// at those of blobs. One at a time.

@@ -15,7 +15,6 @@
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
 #include "core/base/sha256.h"
-#include "server/postgres/postgres_pool.h"
 #include "tests/server/postgres/blob_database.h"
 #include "tests/server/storage/blob_store_conformance.h"
 #include "tests/support/matchers.h"
@@ -28,49 +27,6 @@ using testing::AnyOf;
 using Options = PostgresBlobStore::Options;
 
 auto IsUnavailable() { return StatusIs(absl::StatusCode::kUnavailable, _); }
-
-/// One that forgets nothing and knows everything at once.
-Options ExactOptions(std::int64_t capacity_bytes) {
-  return {.capacity_bytes = capacity_bytes,
-          .grace = absl::ZeroDuration(),
-          .use_resolution = absl::ZeroDuration(),
-          .figures_age = absl::ZeroDuration()};
-}
-
-class PostgresHarness {
- public:
-  static constexpr int kRandomSteps = 150;
-
-  std::unique_ptr<BlobStore> Make(std::int64_t capacity_bytes) {
-    return std::make_unique<PostgresBlobStore>(database_.pool(),
-                                               ExactOptions(capacity_bytes));
-  }
-  std::unique_ptr<BlobStore> MakeKeeping(std::int64_t capacity_bytes) {
-    Options options = ExactOptions(capacity_bytes);
-    options.grace = absl::Minutes(1);
-    return std::make_unique<PostgresBlobStore>(database_.pool(), options);
-  }
-  void Hold(BlobStore& /*store*/, const BlobKey& key) {
-    jobs_.push_back({key, "job" + std::to_string(++last_job_)});
-    database_.AddReference(jobs_.back().second, key);
-  }
-  void Release(BlobStore& /*store*/, const BlobKey& key) {
-    for (auto job = jobs_.begin(); job != jobs_.end(); ++job) {
-      if (job->first != key) continue;
-      database_.RemoveReferences(job->second);
-      jobs_.erase(job);
-      return;
-    }
-  }
-
- private:
-  BlobDatabase database_;
-  std::vector<std::pair<BlobKey, std::string>> jobs_;
-  int last_job_ = 0;
-};
-
-INSTANTIATE_TYPED_TEST_SUITE_P(ManyProcesses, BlobStoreConformance,
-                               PostgresHarness);
 
 class PostgresBlobStoreTest : public testing::Test {
  protected:
@@ -257,7 +213,10 @@ TEST_F(PostgresBlobStoreTest, ARemovalIsDueByTheDatabasesClock) {
   const absl::Time put = absl::Now();
   const BlobKey key = Put(*store, "content");
   store->Remove(key);
-  while (store->size_bytes() > 0) store->Tidy();
+  while (store->size_bytes() > 0 && absl::Now() < put + absl::Seconds(20)) {
+    store->Tidy();
+  }
+  EXPECT_EQ(store->size_bytes(), 0);
   EXPECT_GE(absl::Now() - put, options.grace);
 }
 
