@@ -2,7 +2,6 @@
 
 #include <cstdint>
 #include <exception>
-#include <future>
 #include <utility>
 #include <vector>
 
@@ -12,10 +11,9 @@
 #include <prometheus/gauge.h>
 #include <prometheus/histogram.h>
 #include <prometheus/registry.h>
-#include <boost/asio/ip/tcp.hpp>
 
-#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "server/metrics/metrics_endpoint.h"
 
 namespace isomatch {
 namespace {
@@ -161,50 +159,6 @@ class LoadCollector final : public prometheus::Collectable {
   const PrometheusMetrics::ReadLoad read_load_;
 };
 
-std::vector<std::string> EndpointOptions(const std::string& address) {
-  return {"listening_ports", address, "num_threads", "2",
-          // A peer that says nothing does not hold a thread for long.
-          "request_timeout_ms", "10000"};
-}
-
-using boost::asio::ip::tcp;
-
-/// Where this machine reaches what listens on HOST:PORT.
-tcp::endpoint Reach(const std::string& listening) {
-  namespace ip = boost::asio::ip;
-  const size_t colon = listening.rfind(':');
-  int port = 0;
-  (void)absl::SimpleAtoi(listening.substr(colon + 1), &port);
-  boost::system::error_code is_name;
-  ip::address address = ip::make_address(listening.substr(0, colon), is_name);
-  if (is_name || address.is_unspecified()) {
-    address = ip::address_v4::loopback();
-  }
-  return {address, static_cast<std::uint16_t>(port)};
-}
-
-/// Connects and hangs up.
-void Knock(const tcp::endpoint& endpoint) {
-  boost::asio::io_context context;
-  tcp::socket socket(context);
-  boost::system::error_code ignored;
-  socket.connect(endpoint, ignored);
-}
-
-/// The library looks only every 2 s whether it is to stop, unless somebody
-/// calls: far too long for a server that stops.
-void Stop(std::unique_ptr<prometheus::Exposer> exposer,
-          const std::string& address) {
-  const tcp::endpoint endpoint = Reach(address);
-  const auto stopped =
-      std::async(std::launch::async, [&exposer] { exposer.reset(); });
-  constexpr absl::Duration kKnockAgain = absl::Milliseconds(10);
-  do {
-    Knock(endpoint);
-  } while (stopped.wait_for(absl::ToChronoMilliseconds(kKnockAgain)) !=
-           std::future_status::ready);
-}
-
 }  // namespace
 
 class PrometheusMetrics::Impl {
@@ -266,8 +220,7 @@ PrometheusMetrics::~PrometheusMetrics() { Close(); }
 absl::Status PrometheusMetrics::Listen(const std::string& address,
                                        ReadLoad read_load) {
   try {
-    impl_->exposer =
-        std::make_unique<prometheus::Exposer>(EndpointOptions(address));
+    impl_->exposer = OpenEndpoint(address);
   } catch (const std::exception&) {  // it says no more than that it failed
     return absl::UnavailableError(
         absl::StrCat("cannot listen on ", address,
@@ -287,7 +240,7 @@ std::string PrometheusMetrics::address() const { return impl_->address; }
 
 void PrometheusMetrics::Close() {
   if (impl_->exposer == nullptr) return;
-  Stop(std::move(impl_->exposer), impl_->address);
+  CloseEndpoint(std::move(impl_->exposer), impl_->address);
   impl_->load.reset();
   impl_->address.clear();
 }
