@@ -6,18 +6,55 @@
 #include <utility>
 #include <vector>
 
+#include <CivetServer.h>
 #include <boost/asio/ip/tcp.hpp>
 
 #include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
 #include "absl/time/time.h"
 
 namespace isomatch {
 namespace {
 
 std::vector<std::string> EndpointOptions(const std::string& address) {
-  return {"listening_ports", address, "num_threads", "2",
+  return {"listening_ports", address, "num_threads", "4",
           // A peer that says nothing does not hold a thread for long.
-          "request_timeout_ms", "10000"};
+          "request_timeout_ms", "3000"};
+}
+
+/// The web server that this thread has opened last: prometheus::Exposer keeps
+/// it to itself, but has it tell who asks.
+thread_local mg_context* opened = nullptr;
+
+void OnOpened(const mg_context* context) {
+  opened = const_cast<mg_context*>(context);
+}
+
+/// The library would read what a request brings, however slowly that comes,
+/// before the next one on the connection: so there is none.
+int OnRequest(mg_connection* connection) {
+  mg_disable_connection_keep_alive(connection);
+  return 0;  // go on
+}
+
+/// A handler of the library: returns the status, or 0 for what it does not
+/// answer.
+int AnswerProbe(mg_connection* connection, void* data) {
+  const std::string method = mg_get_request_info(connection)->request_method;
+  if (method != "GET" && method != "HEAD") return 0;
+  const ProbeAnswer answer = (*static_cast<const Probe*>(data))();
+  const std::string body = answer.line + "\n";
+  const std::string text = absl::StrCat(
+      "HTTP/1.1 ", answer.is_well ? "200 OK" : "503 Service Unavailable",
+      "\r\nContent-Type: text/plain; charset=utf-8\r\nContent-Length: ",
+      body.size(), "\r\nCache-Control: no-store\r\nConnection: close\r\n\r\n",
+      method == "GET" ? body : "");
+  mg_write(connection, text.data(), text.size());
+  return answer.is_well ? 200 : 503;
+}
+
+void AddProbe(mg_context* server, const char* path, const Probe& probe) {
+  mg_set_request_handler(server, path, AnswerProbe, const_cast<Probe*>(&probe));
 }
 
 using boost::asio::ip::tcp;
@@ -46,8 +83,16 @@ void Knock(const tcp::endpoint& endpoint) {
 
 }  // namespace
 
-std::unique_ptr<prometheus::Exposer> OpenEndpoint(const std::string& address) {
-  return std::make_unique<prometheus::Exposer>(EndpointOptions(address));
+std::unique_ptr<prometheus::Exposer> OpenEndpoint(const std::string& address,
+                                                  const Probes& probes) {
+  CivetCallbacks callbacks;
+  callbacks.init_context = OnOpened;
+  callbacks.begin_request = OnRequest;
+  auto exposer = std::make_unique<prometheus::Exposer>(EndpointOptions(address),
+                                                       &callbacks);
+  AddProbe(opened, "/healthz$", probes.health);  // $: nothing behind it
+  AddProbe(opened, "/readyz$", probes.readiness);
+  return exposer;
 }
 
 // The library looks only every 2 s whether it is to stop, unless somebody

@@ -7,7 +7,6 @@
 
 #include <prometheus/collectable.h>
 #include <prometheus/counter.h>
-#include <prometheus/exposer.h>
 #include <prometheus/gauge.h>
 #include <prometheus/histogram.h>
 #include <prometheus/registry.h>
@@ -199,7 +198,8 @@ class PrometheusMetrics::Impl {
   Family<Histogram>& handling =
       AddHistogram("grpc_server_handling_seconds", "From a call to its answer");
 
-  // All three only while it listens.
+  // All of these only while it listens.
+  Probes probes;
   std::shared_ptr<prometheus::Collectable> load;
   std::string address;
   std::unique_ptr<prometheus::Exposer> exposer;
@@ -218,9 +218,10 @@ PrometheusMetrics::PrometheusMetrics(const std::string& version)
 PrometheusMetrics::~PrometheusMetrics() { Close(); }
 
 absl::Status PrometheusMetrics::Listen(const std::string& address,
-                                       ReadLoad read_load) {
+                                       ReadLoad read_load, Probes probes) {
+  impl_->probes = std::move(probes);
   try {
-    impl_->exposer = OpenEndpoint(address);
+    impl_->exposer = OpenEndpoint(address, impl_->probes);
   } catch (const std::exception&) {  // it says no more than that it failed
     return absl::UnavailableError(
         absl::StrCat("cannot listen on ", address,

@@ -6,6 +6,7 @@
 
 #include "absl/status/status.h"
 #include "server/metrics/metrics.h"
+#include "server/metrics/probes.h"
 
 namespace isomatch {
 
@@ -19,10 +20,11 @@ class PrometheusMetrics final : public Metrics {
   explicit PrometheusMetrics(const std::string& version);
   ~PrometheusMetrics() override;
 
-  /// Answers GET /metrics at HOST:PORT, IPv4; port 0 picks a free one.
-  /// `read_load` is asked at every scrape until Close. UNAVAILABLE: cannot
-  /// listen there.
-  absl::Status Listen(const std::string& address, ReadLoad read_load);
+  /// Answers GET /metrics, /healthz and /readyz at HOST:PORT, IPv4; port 0
+  /// picks a free one. `read_load` is asked at every scrape, `probes` at every
+  /// probe until Close. UNAVAILABLE: cannot listen there.
+  absl::Status Listen(const std::string& address, ReadLoad read_load,
+                      Probes probes = {});
 
   /// HOST:PORT with the port it really has; empty when it does not listen.
   std::string address() const;
