@@ -8,6 +8,7 @@
 #include "absl/time/clock.h"
 #include "core/base/status_macros.h"
 #include "server/postgres/job_rows.h"
+#include "server/postgres/migrations.h"
 #include "server/storage/kept_jobs.h"
 
 namespace isomatch {
@@ -339,6 +340,32 @@ absl::StatusOr<bool> PostgresJobStore::HoldChore(const std::string& chore,
                 "WHERE c.holder = $2 OR c.held_until < now() RETURNING holder",
                 chore, holder, IntervalOf(term)));
   return !rows.empty();
+}
+
+// For the operator.
+
+absl::Status PostgresJobStore::CheckVersion() { return CheckSchema(pool_); }
+
+absl::StatusOr<StoreFigures> PostgresJobStore::Measure() {
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const pqxx::result rows,
+      pool_.Ask(Repeat::kOnce,
+                "SELECT n_live_tup, n_dead_tup, pg_total_relation_size(relid), "
+                "(SELECT coalesce(extract(epoch FROM "
+                "clock_timestamp() - min(xact_start)), 0) * 1000000 "
+                "FROM pg_stat_activity WHERE datname = current_database() "
+                "AND backend_type = 'client backend' "
+                "AND pid <> pg_backend_pid())::bigint "
+                "FROM pg_stat_user_tables "
+                "WHERE relid = 'isomatch.live_jobs'::regclass"));
+  StoreFigures figures;
+  if (rows.empty()) return figures;
+  figures.live_rows = rows[0][0].as<std::int64_t>();
+  figures.dead_rows = rows[0][1].as<std::int64_t>();
+  figures.table_bytes = rows[0][2].as<std::int64_t>();
+  figures.oldest_transaction =
+      absl::Microseconds(rows[0][3].as<std::int64_t>());
+  return figures;
 }
 
 }  // namespace isomatch

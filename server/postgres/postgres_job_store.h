@@ -61,6 +61,11 @@ class PostgresJobStore : public SharedJobStore {
   absl::StatusOr<bool> HoldChore(const std::string& chore,
                                  const std::string& holder,
                                  absl::Duration term) override;
+  absl::Status CheckVersion() override;
+  /// Of transactions of other users it hears only if its own may
+  /// pg_read_all_stats.
+  absl::StatusOr<StoreFigures> Measure() override;
+  std::int64_t errors() const override { return pool_.errors(); }
 
  private:
   PostgresPool& pool_;

@@ -117,6 +117,7 @@ absl::StatusOr<PostgresPool::Connection> PostgresPool::Take() {
   while (in_use_ >= options_.connections) {
     if (!returned_.WaitUntil(mutex_, deadline) &&
         in_use_ >= options_.connections) {
+      ++errors_;
       return absl::UnavailableError(absl::StrCat(
           "database: all ", options_.connections, " connections are in use"));
     }
@@ -212,6 +213,7 @@ absl::Status PostgresPool::TryOnce(const Attempt& attempt, bool* is_broken) {
   Lease lease(this, std::move(taken));
   bool is_done = false;
   const auto unavailable = [&](const std::exception& error) {
+    ++errors_;
     lease.connection().reset();
     *is_broken = is_old && !is_done;
     return absl::UnavailableError(
@@ -227,11 +229,14 @@ absl::Status PostgresPool::TryOnce(const Attempt& attempt, bool* is_broken) {
   } catch (const pqxx::statement_completion_unknown& error) {
     return unavailable(error);
   } catch (const pqxx::transaction_rollback& error) {
+    ++errors_;
     return absl::AbortedError(
         absl::StrCat("database: ", FirstLine(error.what())));
   } catch (const pqxx::sql_error& error) {
     absl::Status status = ErrorOf(error);
-    return absl::IsUnavailable(status) ? unavailable(error) : status;
+    if (absl::IsUnavailable(status)) return unavailable(error);
+    ++errors_;
+    return status;
   } catch (const pqxx::failure& error) {
     return unavailable(error);
   }

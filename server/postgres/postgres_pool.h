@@ -1,5 +1,7 @@
 #pragma once
 
+#include <atomic>
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <string>
@@ -80,6 +82,10 @@ class PostgresPool {
 
   const Options& options() const { return options_; }
 
+  /// Returns how often the database has not answered or refused something, also
+  /// where a second attempt went well.
+  std::int64_t errors() const { return errors_; }
+
  private:
   class Lease;
 
@@ -106,6 +112,7 @@ class PostgresPool {
   Connection Connect();
 
   const Options options_;
+  std::atomic<std::int64_t> errors_ = 0;
   Mutex mutex_;
   CondVar returned_;
   std::vector<Connection> idle_ ABSL_GUARDED_BY(mutex_);

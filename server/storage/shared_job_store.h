@@ -61,6 +61,19 @@ struct QueueCounts {
   absl::Duration oldest_queued = absl::ZeroDuration();
 };
 
+/// What the operator of the store has to watch: the table of the jobs that are
+/// not over, which every worker writes.
+struct StoreFigures {
+  std::int64_t live_rows = 0;
+  /// Those that wait to be cleaned away.
+  std::int64_t dead_rows = 0;
+  /// With its indexes.
+  std::int64_t table_bytes = 0;
+  /// How long the oldest transaction of the database has been open: what it may
+  /// still see cannot be cleaned away.
+  absl::Duration oldest_transaction = absl::ZeroDuration();
+};
+
 /// A job store with its queue, which several processes share. Whoever runs a
 /// job has a lease on it: a number that no other claim has (JobRecord::claim),
 /// and a time until which it is believed. A change by a worker holds only while
@@ -122,6 +135,18 @@ class SharedJobStore : public JobStore {
   virtual absl::StatusOr<bool> HoldChore(const std::string& chore,
                                          const std::string& holder,
                                          absl::Duration term) = 0;
+
+  // For its operator.
+
+  /// FAILED_PRECONDITION, which says what to do: a newer program has changed
+  /// the store to what this one does not know.
+  virtual absl::Status CheckVersion() = 0;
+
+  virtual absl::StatusOr<StoreFigures> Measure() = 0;
+
+  /// Returns how many calls of this process the store has refused or not
+  /// answered. Asks nothing.
+  virtual std::int64_t errors() const = 0;
 };
 
 }  // namespace isomatch
