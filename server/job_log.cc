@@ -1,9 +1,11 @@
 #include "server/job_log.h"
 
 #include <string>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_split.h"
 #include "server/logging/log.h"
 
 namespace isomatch {
@@ -28,6 +30,12 @@ void AddResult(const JobRecord& job, std::string& message, LogFields& fields) {
                  {"memory_measured_bytes", result.peak_resident_bytes}});
 }
 
+/// Returns the second field of a W3C traceparent; "" of none.
+std::string TraceIdOf(const std::string& trace_parent) {
+  const std::vector<std::string> fields = absl::StrSplit(trace_parent, '-');
+  return fields.size() < 2 ? "" : fields[1];
+}
+
 }  // namespace
 
 void LogState(const JobRecord& job, absl::Time now) {
@@ -42,6 +50,10 @@ void LogState(const JobRecord& job, absl::Time now) {
   if (!job.call_id.empty()) {
     absl::StrAppend(&message, ", request ", job.call_id);
     fields.push_back({"request_id", job.call_id});
+  }
+  if (const std::string trace = TraceIdOf(job.trace_parent); !trace.empty()) {
+    absl::StrAppend(&message, ", trace ", trace);
+    fields.push_back({"trace_id", trace});
   }
   if (job.error) AddError(*job.error, message, fields);
   if (job.result) AddResult(job, message, fields);

@@ -26,6 +26,9 @@ struct Caller {
   std::string call_id{};
   /// How far the priorities of its jobs count among tenants.
   int max_priority = kMostPriority;
+  /// What the call is part of, as W3C Trace Context has it; empty when it is
+  /// not known.
+  std::string trace_parent{};
 };
 
 /// read, submit or admin; the inverse returns nullopt for anything else.

@@ -133,6 +133,7 @@ JobRecord JobIntake::NewRecord(const Caller& caller,
   JobRecord record;
   record.tenant = caller.tenant;
   record.call_id = caller.call_id;
+  record.trace_parent = caller.trace_parent;
   record.memory_estimate_bytes = environment_.runner->EstimateBytes(spec);
   record.create_time = environment_.now();
   record.labels = spec.labels;

@@ -1,6 +1,5 @@
 #include "server/rpc/call_interceptor.h"
 
-#include <algorithm>
 #include <map>
 #include <utility>
 
@@ -9,7 +8,6 @@
 #include <grpcpp/server_context.h>
 
 #include "absl/status/status.h"
-#include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "isomatch/v1/service.pb.h"
@@ -28,19 +26,6 @@ using grpc::experimental::ServerRpcInfo;
 /// Bytes of an error message that are logged: some messages quote what the
 /// client sent.
 constexpr size_t kMaxErrorBytes = 300;
-
-/// "00-" 32 hex digits "-" 16 "-" 2, as W3C Trace Context has it.
-bool IsTraceparent(const std::string& text) {
-  constexpr absl::string_view kShape =
-      "hh-hhhhhhhhhhhhhhhhhhhhhhhhhhhhhhhh-hhhhhhhhhhhhhhhh-hh";
-  return text.size() == kShape.size() &&
-         std::equal(
-             text.begin(), text.end(), kShape.begin(), [](char c, char shape) {
-               return shape == '-'
-                          ? c == '-'
-                          : absl::ascii_isxdigit(c) && !absl::ascii_isupper(c);
-             });
-}
 
 /// Reads a job's id from a message whose type the method tells; "" for none.
 using JobOf = std::string (*)(const void* message);
@@ -160,7 +145,7 @@ class CallInterceptor final : public grpc::experimental::Interceptor {
   void ReadMetadata(CallMetadata* metadata) {
     request_id_ = CallIdOf(*metadata);
     if (request_id_.empty()) request_id_ = observation_.new_id();
-    traceparent_ = FindMetadata(*metadata, "traceparent", IsTraceparent);
+    traceparent_ = TraceParentOf(*metadata);
     // The handler reads it there while this, which holds the text, lives.
     metadata->erase(kRequestIdKey);
     metadata->emplace(kRequestIdKey, request_id_);

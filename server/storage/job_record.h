@@ -126,6 +126,8 @@ struct JobRecord {
   std::string request_id;
   /// The x-request-id of the CreateJob call; of the log, not of the job.
   std::string call_id;
+  /// The W3C traceparent of that call, "" for none; of the log, too.
+  std::string trace_parent;
   /// SHA-256 of the request that came with `request_id`.
   std::string request_sha256;
   /// Jobs of a higher one start first: of the tenant, and, as far as its key

@@ -133,9 +133,9 @@ void from_json(const nlohmann::json& json, JobResult& result) {
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE_WITH_DEFAULT(
     JobRecord, id, tenant, state, progress, memory_estimate_bytes, error,
     result, create_time, start_time, end_time, aged_from, labels, request_id,
-    call_id, request_sha256, priority, shared_priority, threads, attempt,
-    faults, unresponsive, queue_timeout, run_timeout, cancel_when_unwatched,
-    inputs, sequence, number)
+    call_id, trace_parent, request_sha256, priority, shared_priority, threads,
+    attempt, faults, unresponsive, queue_timeout, run_timeout,
+    cancel_when_unwatched, inputs, sequence, number)
 
 namespace {
 

@@ -50,6 +50,17 @@ TEST(JobLogTest, TheCallThatMadeItIsTold) {
   EXPECT_FALSE(Logged(Job(JobState::kRunning)).contains("request_id"));
 }
 
+TEST(JobLogTest, TheTraceThatItIsPartOfIsTold) {
+  JobRecord job = Job(JobState::kRunning);
+  job.trace_parent = "00-0af7651916cd43dd8448eb211c80319c-b7ad6b7169203331-01";
+  const nlohmann::json line = Logged(job);
+  EXPECT_EQ(line["trace_id"], "0af7651916cd43dd8448eb211c80319c");
+  EXPECT_EQ(line["message"],
+            "job abc RUNNING after 3.0 s, trace "
+            "0af7651916cd43dd8448eb211c80319c");
+  EXPECT_FALSE(Logged(Job(JobState::kRunning)).contains("trace_id"));
+}
+
 TEST(JobLogTest, AFailureIsAWarningWithReasonAndCode) {
   JobRecord job = Job(JobState::kFailed);
   job.error = JobError{absl::StatusCode::kDeadlineExceeded, "RUN_TIMEOUT",

@@ -39,6 +39,7 @@ absl::StatusOr<Caller> Access::Identify(const grpc::CallbackServerContext& call,
   ISOMATCH_ASSIGN_OR_RETURN(Caller caller,
                             IdentifyBy(call.client_metadata(), needed));
   caller.call_id = CallIdOf(call.client_metadata());
+  caller.trace_parent = TraceParentOf(call.client_metadata());
   return caller;
 }
 

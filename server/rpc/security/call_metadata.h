@@ -12,12 +12,13 @@ using CallMetadata = std::multimap<grpc::string_ref, grpc::string_ref>;
 
 inline constexpr char kRequestIdKey[] = "x-request-id";
 
-/// Returns the first value of `key` that is as it should be, or "".
-std::string FindMetadata(const CallMetadata& metadata, const char* key,
-                         bool (*is_valid)(const std::string&));
-
 /// The request id of a call; "" when no interceptor of MakeCallInterceptors has
 /// seen it and the client sent none.
 std::string CallIdOf(const CallMetadata& metadata);
+
+/// The "traceparent" of W3C Trace Context, version 00, that the client sent:
+/// "00-", the trace's 32 hex digits, "-", the span's 16, "-", 2 of flags; ""
+/// when it sent none that is right.
+std::string TraceParentOf(const CallMetadata& metadata);
 
 }  // namespace isomatch

@@ -114,7 +114,9 @@ TEST_F(CallInterceptorTest, AFinishedCallIsALineWithAllThatHelps) {
 }
 
 TEST_F(CallInterceptorTest, AMalformedTraceparentIsLeftOut) {
-  for (const char* bad : {"1", "00-XYZ", "zz"}) {
+  for (const char* bad :
+       {"1", "00-XYZ", "zz",
+        "00-00000000000000000000000000000000-b7ad6b7169203331-01"}) {
     RequestIds({{"traceparent", bad}});
   }
   for (const json& line : LinesOf(absl::StrCat(kService, "GetServerInfo"))) {
@@ -166,6 +168,30 @@ TEST_F(CallInterceptorTest, EveryLineOfAJobHasTheRequestIdOfItsCall) {
     const std::string name =
         absl::StrCat("jobs/", line["job"].get<std::string>());
     EXPECT_EQ(line["request_id"], request_of_job[name]) << line;
+    ++lines;
+  }
+  EXPECT_EQ(lines, 6);  // QUEUED, RUNNING, SUCCEEDED
+}
+
+TEST_F(CallInterceptorTest, EveryLineOfAJobHasTheTraceOfItsCall) {
+  std::string traced;
+  for (const std::string given : {kTraceparent, "00-1-2-3"}) {
+    grpc::ClientContext context;
+    context.AddMetadata("traceparent", given);
+    v1::CreateJobResponse response;
+    ASSERT_TRUE(stub_->CreateJob(&context, SphereJob(), &response).ok());
+    Watch(response.job().name());
+    if (given == kTraceparent) traced = response.job().name();
+  }
+  server_->Shutdown(absl::ZeroDuration());  // it must not log any more
+  int lines = 0;
+  for (const json& line : log_.lines()) {
+    if (!line.contains("state")) continue;
+    const std::string name =
+        absl::StrCat("jobs/", line["job"].get<std::string>());
+    EXPECT_EQ(line.value("trace_id", ""),
+              name == traced ? "0af7651916cd43dd8448eb211c80319c" : "")
+        << line;
     ++lines;
   }
   EXPECT_EQ(lines, 6);  // QUEUED, RUNNING, SUCCEEDED

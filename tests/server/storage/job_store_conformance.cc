@@ -195,6 +195,7 @@ TEST_P(JobStoreTest, WhatWasStoredComesBack) {
   JobRecord job = NewJob("a", "r");
   job.tenant = "lab";
   job.call_id = "call";
+  job.trace_parent = "trace";
   job.request_sha256 = "digest";
   job.labels = {{"pose", "\"walk\" \\ {,}"}};
   job.priority = 7;
@@ -211,6 +212,7 @@ TEST_P(JobStoreTest, WhatWasStoredComesBack) {
   EXPECT_EQ(read->state, JobState::kQueued);
   EXPECT_EQ(read->tenant, job.tenant);
   EXPECT_EQ(read->call_id, job.call_id);
+  EXPECT_EQ(read->trace_parent, job.trace_parent);
   EXPECT_EQ(read->request_sha256, job.request_sha256);
   EXPECT_EQ(read->labels, job.labels);
   EXPECT_EQ(read->priority, job.priority);

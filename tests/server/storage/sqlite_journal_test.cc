@@ -48,6 +48,7 @@ JobRecord FullRecord() {
   record.labels = {{"key", "value"}};
   record.request_id = "request";
   record.call_id = "call";
+  record.trace_parent = "trace";
   record.request_sha256 = "bb";
   record.priority = -7;
   record.shared_priority = -8;
