@@ -28,6 +28,7 @@
 #include "server/machine/process_name.h"
 #include "server/machine/thread_pool.h"
 #include "server/metrics/prometheus_metrics.h"
+#include "server/observation.h"
 #include "server/rpc/accept_loop.h"
 #include "server/rpc/call_interceptor.h"
 #include "server/rpc/channel_arguments.h"
@@ -54,7 +55,7 @@ constexpr absl::Duration kStreamsEnd = absl::Milliseconds(300);
 constexpr std::int64_t kProcessBytes = std::int64_t{256} << 20;
 
 /// One for each loop of ClusterMember.
-constexpr int kClusterThreads = 3;
+constexpr int kClusterThreads = 5;
 
 /// One more than a tenant may use.
 constexpr int kDiskThreads = 2;
@@ -99,7 +100,7 @@ absl::StatusOr<std::unique_ptr<ApiKeys>> OpenKeys(const ServerConfig& config) {
 /// Null when there is to be no endpoint.
 std::unique_ptr<PrometheusMetrics> MakeMetrics(const ServerConfig& config) {
   if (!config.is_service() || config.metrics_listen == "off") return nullptr;
-  return std::make_unique<PrometheusMetrics>(kVersion);
+  return std::make_unique<PrometheusMetrics>(kVersion, config.is_shared());
 }
 
 }  // namespace
@@ -122,7 +123,7 @@ class Server::Impl {
   const MemoryBudget& budget() const { return budget_; }
   int threads_per_job() const { return context_.parse.threads_per_job; }
   const RequestLimits& limits() const { return context_.parse.limits; }
-  JobLoad load() const { return manager_.load(); }
+  JobLoad load() const { return manager_.local_load(); }
   const ConnectionLimits& connection_limits() const {
     return plan_.connections;
   }
@@ -285,6 +286,7 @@ JobEnvironment Server::Impl::MakeJobEnvironment() {
   environment.timers = timers_.get();
   environment.disk = upkeep_.get();
   environment.watch = watch_.get();
+  environment.metrics = &metrics_;
   environment.now = absl::Now;
   // The clock of a store that others share is the database's.
   if (stores_.shared == nullptr) {
@@ -317,30 +319,20 @@ MemoryFigures Server::Impl::ReadMemory() const {
 }
 
 LoadFigures Server::Impl::ReadLoad() {
-  const JobLoad load = manager_.load();
+  LoadFigures figures = FiguresOf(manager_);
   const PreparedCache::Counts prepared = prepared_.counts();
-  LoadFigures figures = {.held_for_storage = load.held_for_storage,
-                         .held_for_inputs = load.held_jobs,
-                         .running_jobs = load.running_jobs,
-                         .stuck_workers = load.stuck_jobs,
-                         .watchers = manager_.watchers().size(),
-                         .memory_budget_bytes = budget_.total_bytes(),
-                         .memory_reserved_bytes = budget_.reserved_bytes(),
-                         .memory_measured_bytes = PeakResidentBytes(),
-                         .stored_bytes = stores_.blobs->size_bytes(),
-                         .prepared_bytes = prepared_.size_bytes(),
-                         .prepared_in_memory = prepared.in_memory,
-                         .prepared_on_disk = prepared.on_disk,
-                         .prepared_missing = prepared.missing};
+  figures.memory_budget_bytes = budget_.total_bytes();
+  figures.memory_reserved_bytes = budget_.reserved_bytes();
+  figures.memory_measured_bytes = PeakResidentBytes();
+  figures.prepared_bytes = prepared_.size_bytes();
+  figures.prepared_in_memory = prepared.in_memory;
+  figures.prepared_on_disk = prepared.on_disk;
+  figures.prepared_missing = prepared.missing;
+  // A scrape waits for no database.
+  if (!figures.cluster) figures.stored_bytes = stores_.blobs->size_bytes();
   if (accept_loop_ != nullptr) {
     figures.connections = accept_loop_->CountOpen();
     figures.refused_connections = accept_loop_->refused();
-  }
-  for (const auto& [priority, count] : manager_.queued_by_priority()) {
-    int& level = priority < 0    ? figures.queued_low
-                 : priority == 0 ? figures.queued_normal
-                                 : figures.queued_high;
-    level += count;
   }
   return figures;
 }
@@ -425,8 +417,9 @@ absl::Status Server::Impl::Listen() {
     accept_loop_->Start([this](int socket) { HandOver(socket); });
   }
   if (prometheus_ == nullptr) return absl::OkStatus();
-  return prometheus_->Listen(config_.metrics_listen,
-                             [this] { return ReadLoad(); });
+  return prometheus_->Listen(
+      config_.metrics_listen, [this] { return ReadLoad(); },
+      ProbesOf(manager_));
 }
 
 void Server::Impl::Shutdown(absl::Duration drain) {
@@ -434,7 +427,7 @@ void Server::Impl::Shutdown(absl::Duration drain) {
     if (grpc_ != nullptr) {
       grpc_->GetHealthCheckService()->SetServingStatus(false);
     }
-    const bool jobs_run = manager_.load().running_jobs > 0;
+    const bool jobs_run = manager_.local_load().running_jobs > 0;
     manager_.Shutdown(drain);
     if (drain > absl::ZeroDuration()) {
       absl::SleepFor(jobs_run ? kLastCalls : kLastProbes);

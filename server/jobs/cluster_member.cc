@@ -3,6 +3,7 @@
 #include <utility>
 #include <vector>
 
+#include "absl/strings/str_cat.h"
 #include "core/base/version.h"
 #include "server/jobs/errors.h"
 #include "server/jobs/within_memory.h"
@@ -12,7 +13,9 @@ namespace {
 
 constexpr absl::Duration kRenewInterval = absl::Milliseconds(500);
 constexpr absl::Duration kFollowInterval = absl::Milliseconds(250);
+constexpr absl::Duration kTakeInterval = absl::Milliseconds(200);
 constexpr absl::Duration kChoresInterval = absl::Seconds(1);
+constexpr absl::Duration kObserveInterval = absl::Seconds(5);
 constexpr absl::Duration kRegisterInterval = absl::Seconds(5);
 constexpr absl::Duration kWatchedInterval = absl::Seconds(2);
 constexpr absl::Duration kPruneInterval = absl::Minutes(1);
@@ -21,12 +24,20 @@ constexpr absl::Duration kPruneInterval = absl::Minutes(1);
 constexpr absl::Duration kChoresTerm = absl::Seconds(5);
 constexpr char kChores[] = "jobs";
 
+/// How long a store may say nothing that is asked each second.
+constexpr absl::Duration kStoreSilence = absl::Seconds(5);
+
+/// How old what it told may be.
+constexpr absl::Duration kToldAge = absl::Seconds(15);
+
 }  // namespace
 
 void ClusterMember::Begin() {
   Renew();
   Follow();
+  Take();
   DoChores();
+  Observe();
 }
 
 void ClusterMember::Leave() {
@@ -40,12 +51,42 @@ void ClusterMember::Leave() {
 void ClusterMember::Stop() {
   Executor::Timer renew;  // dropped after the lock
   Executor::Timer follow;
+  Executor::Timer take;
   Executor::Timer chores;
+  Executor::Timer observe;
   MutexLock lock(mutex_);
   is_stopped_ = true;
   std::swap(renew, renew_timer_);
   std::swap(follow, follow_timer_);
+  std::swap(take, take_timer_);
   std::swap(chores, chores_timer_);
+  std::swap(observe, observe_timer_);
+}
+
+ClusterView ClusterMember::view() const {
+  const absl::Duration now = environment_.uptime();
+  ClusterView view;
+  view.store_errors = environment_.shared->errors();
+  MutexLock lock(mutex_);
+  view.told = told_;
+  view.is_recent = now - told_at_ < kToldAge;
+  if (!answer_.ok()) {
+    view.store = answer_;
+  } else if (now - answered_ > kStoreSilence) {
+    view.store = absl::UnavailableError(absl::StrCat(
+        "database: no answer for ", absl::FormatDuration(kStoreSilence)));
+  } else {
+    view.store = version_;
+  }
+  return view;
+}
+
+void ClusterMember::Hear(const absl::Status& answer) {
+  const absl::Duration now = environment_.uptime();
+  MutexLock lock(mutex_);
+  // Other errors are answers.
+  answer_ = absl::IsUnavailable(answer) ? answer : absl::OkStatus();
+  if (answer_.ok()) answered_ = now;
 }
 
 void ClusterMember::Again(Executor::Timer& timer, absl::Duration pause,
@@ -57,14 +98,18 @@ void ClusterMember::Again(Executor::Timer& timer, absl::Duration pause,
 }
 
 void ClusterMember::Renew() {
+  const absl::Duration now = environment_.uptime();
   const std::vector<LeasedJob> jobs = scheduler_.runs().Leased();
-  if (!jobs.empty()) {
+  if (jobs.empty()) {
+    renewed_ = now;
+  } else {
     const auto lost = environment_.shared->Renew(jobs, environment_.lease);
+    Hear(lost.status());
     if (lost.ok()) {
-      for (const std::string& id : *lost) scheduler_.AskToStop(id);
+      for (const std::string& id : *lost) OnLost(id);
+      renewed_ = now;
     }
   }
-  const absl::Duration now = environment_.uptime();
   bool registers = environment_.limits.workers > 0;
   {
     MutexLock lock(mutex_);
@@ -81,10 +126,28 @@ void ClusterMember::Renew() {
   Again(renew_timer_, kRenewInterval, &ClusterMember::Renew);
 }
 
+void ClusterMember::OnLost(const std::string& id) {
+  RunningJobs& runs = scheduler_.runs();
+  const bool was_asked = runs.WasAskedToStop(id);
+  scheduler_.AskToStop(id);
+  if (was_asked) return;  // the others or this process know why
+  const std::uint64_t claim = runs.ClaimOf(id);
+  const auto job = lifecycle_.Read(id);
+  if (!job.ok() || claim == 0) return;
+  // It may have ended here or been cancelled, or by now be claimed here again.
+  const bool had_expired =
+      environment_.uptime() - renewed_ > environment_.lease;
+  const bool is_others = IsTerminal(job->state)
+                             ? had_expired && job->state != JobState::kCancelled
+                             : job->claim != claim;
+  if (is_others) environment_.metrics->LeaseLost();
+}
+
 void ClusterMember::Follow() {
   const std::vector<std::string> ids = lifecycle_.watchers().Ids();
   if (!ids.empty()) {
     const auto live = environment_.shared->LiveSequences(ids);
+    Hear(live.status());
     std::map<std::string, std::uint64_t> sequences;
     for (const std::string& id : ids) {
       if (!live.ok()) break;
@@ -111,6 +174,32 @@ void ClusterMember::Follow() {
   Again(follow_timer_, kFollowInterval, &ClusterMember::Follow);
 }
 
+void ClusterMember::Take() {
+  scheduler_.Dispatch();
+  Again(take_timer_, kTakeInterval, &ClusterMember::Take);
+}
+
+void ClusterMember::Observe() {
+  SharedJobStore& store = *environment_.shared;
+  const absl::Status version = store.CheckVersion();
+  const auto queue = store.Count();
+  const auto workers = store.Workers(kWorkerAge);
+  const auto figures = store.Measure();
+  const std::int64_t stored_bytes = environment_.blobs->size_bytes();
+  const absl::Duration now = environment_.uptime();
+  Hear(figures.status());
+  {
+    MutexLock lock(mutex_);
+    if (version.ok() || absl::IsFailedPrecondition(version)) version_ = version;
+    if (queue.ok() && workers.ok() && figures.ok()) {
+      told_ = {*queue, static_cast<int>(workers->size()), *figures,
+               stored_bytes};
+      told_at_ = now;
+    }
+  }
+  Again(observe_timer_, kObserveInterval, &ClusterMember::Observe);
+}
+
 void ClusterMember::DoChores() {
   const absl::Duration asked = environment_.uptime();
   const auto holds = environment_.shared->HoldChore(
@@ -118,6 +207,7 @@ void ClusterMember::DoChores() {
   const absl::Duration now = environment_.uptime();
   // Others may have waited as long as this one.
   if (!holds.ok() || now - asked > environment_.lease / 2) silent_ = now;
+  Hear(holds.status());
   if (holds.ok() && *holds) {
     if (now - silent_ > environment_.lease) {
       TakeBackExpired();
@@ -147,9 +237,11 @@ void ClusterMember::TakeBackExpired() {
     const bool is_over =
         faults >= limits.max_faults || job.attempt >= limits.max_attempts;
     if (!is_over) {
-      (void)environment_.shared->TakeBack(job, faults);
+      const auto is_taken = environment_.shared->TakeBack(job, faults);
+      if (is_taken.ok() && *is_taken) environment_.metrics->LeaseExpired();
       continue;
     }
+    environment_.metrics->LeaseExpired();
     lifecycle_.Fail(
         job,
         CrashedRepeatedly(faults >= limits.max_faults ? faults : job.attempt));

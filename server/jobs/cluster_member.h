@@ -2,8 +2,10 @@
 
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 
+#include "absl/status/status.h"
 #include "absl/time/time.h"
 #include "core/base/mutex.h"
 #include "server/jobs/job_environment.h"
@@ -14,6 +16,26 @@
 
 namespace isomatch {
 
+/// What a process knows of the store that it shares, and of the others.
+struct ClusterView {
+  /// OK; UNAVAILABLE: the store did not answer when it was asked last;
+  /// FAILED_PRECONDITION: it is too new for this program.
+  absl::Status store;
+  /// See SharedJobStore.
+  std::int64_t store_errors = 0;
+
+  /// What the store has told, all at the same time.
+  struct Told {
+    QueueCounts queue;
+    int workers = 0;
+    StoreFigures store;
+    std::int64_t stored_bytes = 0;
+  };
+  /// Not set before it has told it; whether that was in the last 15 s.
+  std::optional<Told> told;
+  bool is_recent = false;
+};
+
 /// What a process does for and hears from the others that share its store:
 ///
 ///   Renew    twice a second: its jobs go on, this far; those that are not its
@@ -21,10 +43,13 @@ namespace isomatch {
 ///            worker) are asked to stop
 ///   Follow   four times a second: those who watch a job here hear that it has
 ///            changed
+///   Take     five times a second: what waits and fits starts here
 ///   DoChores once a second, by one of the processes: jobs whose workers are
 ///            silent go back to the queue, those that have waited too long
 ///            fail, those that nobody watches are cancelled if they want it so;
 ///            once a minute old jobs go, and blobs that could not go before
+///   Observe  each five seconds: how it stands with store and queue, for those
+///            who look after them
 ///
 /// While the store does not answer all that waits until it does, and workers
 /// and watchers have a whole lease from then on to say that they are there.
@@ -47,10 +72,19 @@ class ClusterMember {
   /// Nothing is done by itself any more.
   void Stop();
 
+  /// Returns what is known, without asking.
+  ClusterView view() const;
+
  private:
   void Renew();
   void Follow();
+  void Take();
   void DoChores();
+  void Observe();
+  /// Remembers whether the store has answered.
+  void Hear(const absl::Status& answer);
+  /// A job that runs here is not this process's own any more.
+  void OnLost(const std::string& id);
   void TakeBackExpired();
   void EndOverdue();
   void EndUnwatched();
@@ -63,6 +97,8 @@ class ClusterMember {
   JobRetention& retention_;
   JobScheduler& scheduler_;
   // Each used by one loop only.
+  /// When all leases that are left had been renewed, at the latest.
+  absl::Duration renewed_ = -absl::InfiniteDuration();
   absl::Duration registered_ = -absl::InfiniteDuration();
   absl::Duration told_watched_ = -absl::InfiniteDuration();
   absl::Duration pruned_ = -absl::InfiniteDuration();
@@ -71,12 +107,20 @@ class ClusterMember {
   /// Of the jobs that are watched here: the change that watchers know of.
   std::map<std::string, std::uint64_t> sequences_;
 
-  Mutex mutex_;
+  mutable Mutex mutex_;
+  /// UNAVAILABLE or OK, and when the store answered last.
+  absl::Status answer_ ABSL_GUARDED_BY(mutex_);
+  absl::Duration answered_ ABSL_GUARDED_BY(mutex_) = -absl::InfiniteDuration();
+  absl::Status version_ ABSL_GUARDED_BY(mutex_);
+  std::optional<ClusterView::Told> told_ ABSL_GUARDED_BY(mutex_);
+  absl::Duration told_at_ ABSL_GUARDED_BY(mutex_) = -absl::InfiniteDuration();
   bool is_stopped_ ABSL_GUARDED_BY(mutex_) = false;
   bool has_left_ ABSL_GUARDED_BY(mutex_) = false;
   Executor::Timer renew_timer_ ABSL_GUARDED_BY(mutex_);
   Executor::Timer follow_timer_ ABSL_GUARDED_BY(mutex_);
+  Executor::Timer take_timer_ ABSL_GUARDED_BY(mutex_);
   Executor::Timer chores_timer_ ABSL_GUARDED_BY(mutex_);
+  Executor::Timer observe_timer_ ABSL_GUARDED_BY(mutex_);
 };
 
 }  // namespace isomatch

@@ -18,6 +18,7 @@
 #include "server/jobs/tenant_limits.h"
 #include "server/machine/executor.h"
 #include "server/machine/process_memory.h"
+#include "server/metrics/metrics.h"
 #include "server/storage/blob_store.h"
 #include "server/storage/job_store.h"
 #include "server/storage/process_trace.h"
@@ -116,6 +117,8 @@ struct JobEnvironment {
   RetentionClock* retention_clock = nullptr;
   /// Returns an id that was never used before.
   std::function<std::string()> new_id;
+
+  Metrics* metrics = &NullMetrics();
 
   std::function<MemoryFigures()> read_memory = [] { return MemoryFigures(); };
   /// Gives memory that was freed back to the system.

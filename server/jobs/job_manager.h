@@ -130,7 +130,20 @@ class JobManager {
   /// What jobs may count on.
   WorkerFigures workers() const { return scheduler_.Workers(); }
 
-  /// How many jobs wait, by priority.
+  // What follows waits for nobody.
+
+  JobLoad local_load() const { return scheduler_.local_load(); }
+
+  /// How long ago the watchdog looked last; see JobWatchdog.
+  absl::Duration SinceWatched() const { return watchdog_.SinceLooked(); }
+
+  /// What is known of a store that others share, and of those; nullopt without.
+  std::optional<ClusterView> cluster() const {
+    if (environment_.shared == nullptr) return std::nullopt;
+    return member_.view();
+  }
+
+  /// How many jobs wait, by priority; not of a store that others share.
   std::map<std::int32_t, int> queued_by_priority() const {
     return scheduler_.queued_by_priority();
   }

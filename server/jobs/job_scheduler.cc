@@ -57,18 +57,13 @@ StorageGate::Environment JobScheduler::MakeGateEnvironment() {
 // Asking.
 
 JobLoad JobScheduler::load() const {
+  JobLoad load = local_load();
+  if (is_shared()) load.queued_jobs = shared_queue_.Counts().queued;
+  return load;
+}
+
+JobLoad JobScheduler::local_load() const {
   const bool can_store = gate_.is_open();
-  if (is_shared()) {
-    const int queued = shared_queue_.Counts().queued;
-    MutexLock lock(mutex_);
-    return {.queued_jobs = queued,
-            .running_jobs = running_ - stuck_,
-            .stuck_jobs = stuck_,
-            .draining = draining_,
-            .held_jobs = 0,
-            .can_store = can_store,
-            .held_for_storage = 0};
-  }
   MutexLock lock(mutex_);
   return {queue_.size(),
           running_ - stuck_,
@@ -80,7 +75,6 @@ JobLoad JobScheduler::load() const {
 }
 
 std::map<std::int32_t, int> JobScheduler::queued_by_priority() const {
-  if (is_shared()) return shared_queue_.Counts().queued_by_priority;
   MutexLock lock(mutex_);
   return queue_.CountByPriority();
 }

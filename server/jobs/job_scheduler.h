@@ -92,10 +92,14 @@ class JobScheduler {
 
   // Asking.
 
+  /// With a store that others share it is asked for the queue.
   JobLoad load() const;
+  /// The same of this process alone, which waits for nobody: no job is queued
+  /// where the store is shared.
+  JobLoad local_load() const;
+  // Not of a store that others share: see ClusterView and SharedRoomFor.
   std::map<std::int32_t, int> queued_by_priority() const;
-  /// Time O(log tenants), whatever the jobs are. Not of a store that others
-  /// share: see SharedRoomFor.
+  /// Time O(log tenants), whatever the jobs are.
   QueueRoom RoomFor(const std::string& tenant) const;
   /// The same of a store that others share; UNAVAILABLE.
   absl::StatusOr<QueueRoom> SharedRoomFor(const std::string& tenant);
@@ -120,8 +124,8 @@ class JobScheduler {
   /// inputs could not be read, or its result was too large.
   void EnqueueAgain(const LiveJob& before);
 
-  /// Starts what can start now. JobWatchdog calls it too, so that nothing waits
-  /// for ever where memory ended on the way here.
+  /// Starts what can start now. JobWatchdog or ClusterMember calls it too, so
+  /// that nothing waits for ever where memory ended on the way here.
   void Dispatch();
 
   /// The worker of a job has come back.

@@ -25,6 +25,11 @@ constexpr absl::Duration kSilence = absl::Seconds(1);
 }  // namespace
 
 void JobWatchdog::Watch() {
+  {
+    const absl::Duration now = environment_.uptime();
+    MutexLock lock(mutex_);
+    looked_ = now;
+  }
   for (const auto& id :
        scheduler_.runs().Unanswered(environment_.limits.unresponsive_grace)) {
     OnNoAnswer(id);
@@ -32,7 +37,8 @@ void JobWatchdog::Watch() {
   const MemoryFigures memory = ReadSettledMemory();
   WatchMemory(memory);
   WriteTrace(memory);
-  scheduler_.Dispatch();
+  // Else ClusterMember does, which may wait for the store.
+  if (environment_.shared == nullptr) scheduler_.Dispatch();
   Executor::Timer next =
       environment_.watch->PostAfter(kWatchInterval, [this] { Watch(); });
   MutexLock lock(mutex_);
@@ -44,6 +50,12 @@ void JobWatchdog::Stop() {
   MutexLock lock(mutex_);
   is_stopped_ = true;
   timer = std::move(timer_);
+}
+
+absl::Duration JobWatchdog::SinceLooked() const {
+  const absl::Duration now = environment_.uptime();
+  MutexLock lock(mutex_);
+  return now - looked_;
 }
 
 MemoryFigures JobWatchdog::ReadSettledMemory() {
@@ -124,7 +136,7 @@ void JobWatchdog::OnNoAnswer(const std::string& id) {
 
 absl::StatusOr<JobRecord> JobWatchdog::RecordNoAnswer(const std::string& id) {
   const JobLimits& limits = environment_.limits;
-  const bool is_last = scheduler_.load().draining;
+  const bool is_last = scheduler_.local_load().draining;
   const bool has_next =
       environment_.shared != nullptr ||
       (limits.durable && (is_last || environment_.on_give_up));

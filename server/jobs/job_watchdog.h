@@ -31,6 +31,9 @@ namespace isomatch {
 /// that does not answer for two seconds is stuck at once, and on_give_up
 /// called.
 ///
+/// Waits for no store that others share, but to record that a worker is stuck:
+/// a process whose store is away is well.
+///
 /// Thread-safe.
 class JobWatchdog {
  public:
@@ -45,6 +48,10 @@ class JobWatchdog {
 
   /// Does not look again.
   void Stop();
+
+  /// How long ago it looked last: much more than a second when something hangs
+  /// that jobs need.
+  absl::Duration SinceLooked() const;
 
   /// The job's worker does not come back, if it was asked to stop.
   void OnNoAnswer(const std::string& id);
@@ -75,7 +82,8 @@ class JobWatchdog {
   /// What was resident when no job ran, beyond what was expected.
   std::int64_t idle_excess_bytes_ = 0;
 
-  Mutex mutex_;
+  mutable Mutex mutex_;
+  absl::Duration looked_ ABSL_GUARDED_BY(mutex_) = -absl::InfiniteDuration();
   bool is_stopped_ ABSL_GUARDED_BY(mutex_) = false;
   /// Runs the next Watch.
   Executor::Timer timer_ ABSL_GUARDED_BY(mutex_);

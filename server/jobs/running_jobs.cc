@@ -54,6 +54,12 @@ void RunningJobs::OnAskedToStop(const std::string& id, ResidentBytes resident) {
   found->second.resident_when_asked = resident;
 }
 
+bool RunningJobs::WasAskedToStop(const std::string& id) const {
+  MutexLock lock(mutex_);
+  const auto found = entries_.find(id);
+  return found != entries_.end() && found->second.asked.has_value();
+}
+
 bool RunningJobs::SetStuck(const std::string& id) {
   MutexLock lock(mutex_);
   const auto found = entries_.find(id);

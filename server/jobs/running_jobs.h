@@ -42,6 +42,8 @@ class RunningJobs {
   /// The first time counts.
   void OnAskedToStop(const std::string& id, ResidentBytes resident = {});
 
+  bool WasAskedToStop(const std::string& id) const;
+
   /// Its worker is given up; false when it was before, has come back, or was
   /// not asked to stop, so that this is another run.
   bool SetStuck(const std::string& id);

@@ -15,9 +15,6 @@ constexpr absl::Duration kRecent = absl::Seconds(1);
 /// Inputs that are remembered; each job has a request and two meshes.
 constexpr std::size_t kMostMeshes = 64;
 
-/// How long a worker that says nothing counts as one.
-constexpr absl::Duration kWorkerAge = absl::Seconds(30);
-
 }  // namespace
 
 template <typename Value, typename Ask>
@@ -82,8 +79,15 @@ void SharedQueue::Remember(const std::vector<std::string>& inputs) {
 
 std::shared_ptr<LiveJob> SharedQueue::ClaimOne() {
   const ClaimRequest request = MakeRequest();
+  const absl::Duration begin = environment_.uptime();
   auto claimed = environment_.shared->Claim(request);
-  if (!claimed.ok() || !*claimed) return nullptr;
+  if (!claimed.ok()) {
+    environment_.metrics->ClaimFailed();
+    return nullptr;
+  }
+  environment_.metrics->Claimed(claimed->has_value() ? 1 : 0,
+                                environment_.uptime() - begin);
+  if (!*claimed) return nullptr;
   JobRecord& record = **claimed;
   auto live = std::make_shared<LiveJob>();
   live->id = record.id;

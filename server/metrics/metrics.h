@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 
 #include "absl/time/time.h"
@@ -34,6 +35,21 @@ class Metrics {
   /// A chunk of an upload arrived.
   virtual void Uploaded(std::int64_t /*bytes*/) {}
 
+  // Where the queue is shared.
+
+  /// The store has answered whether there is a job for a worker of this
+  /// process: `jobs` is 0 or 1.
+  virtual void Claimed(int /*jobs*/, absl::Duration /*took*/) {}
+
+  /// It has not answered.
+  virtual void ClaimFailed() {}
+
+  /// A job that runs here was given to others, who had heard nothing of it.
+  virtual void LeaseLost() {}
+
+  /// A job was taken from a worker that was not heard of.
+  virtual void LeaseExpired() {}
+
   /// A call was answered; `method` is "package.Service/Method".
   virtual void CallHandled(const std::string& /*method*/,
                            const std::string& /*code*/,
@@ -42,6 +58,29 @@ class Metrics {
 
 /// Returns the one object that counts nothing.
 Metrics& NullMetrics();
+
+/// What processes that share a database know of it and of each other.
+struct ClusterFigures {
+  /// Whether it answered when it was asked last.
+  bool is_database_up = false;
+  /// Calls of this process that it refused or did not answer.
+  std::int64_t database_errors = 0;
+
+  /// What it has told, of all processes.
+  struct Told {
+    int queued_jobs = 0;
+    int running_jobs = 0;
+    absl::Duration oldest_queued;
+    int workers = 0;
+    /// Of the table of the jobs that are not over.
+    std::int64_t live_rows = 0;
+    std::int64_t dead_rows = 0;
+    std::int64_t table_bytes = 0;
+    absl::Duration oldest_transaction;
+  };
+  /// Not set before it has told it, and when that was long ago.
+  std::optional<Told> told = {};
+};
 
 /// What is true at one moment.
 struct LoadFigures {
@@ -69,6 +108,8 @@ struct LoadFigures {
   std::int64_t prepared_in_memory = 0;
   std::int64_t prepared_on_disk = 0;
   std::int64_t prepared_missing = 0;
+  /// Not set where no database is shared.
+  std::optional<ClusterFigures> cluster = {};
 };
 
 }  // namespace isomatch

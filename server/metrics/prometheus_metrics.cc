@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <exception>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -35,6 +36,13 @@ const Buckets& JobBuckets() {
 const Buckets& CallBuckets() {
   static const Buckets buckets = {0.0005, 0.001, 0.005, 0.01, 0.05, 0.1,
                                   0.5,    1,     5,     30,   300,  3600};
+  return buckets;
+}
+
+/// Seconds, from a claim of a queue of no jobs to one that hardly works.
+const Buckets& ClaimBuckets() {
+  static const Buckets buckets = {0.001, 0.0025, 0.005, 0.01, 0.025, 0.05,
+                                  0.1,   0.25,   0.5,   1,    2.5,   5};
   return buckets;
 }
 
@@ -115,6 +123,44 @@ MetricFamily PreparedTotal(const LoadFigures& load) {
   return family;
 }
 
+void AddGauges(const ClusterFigures::Told& told,
+               std::vector<MetricFamily>& families) {
+  const auto add = [&](const std::string& name, const std::string& help,
+                       double value) {
+    families.push_back(MakeGauge(name, help, value));
+  };
+  add("cluster_jobs_queued", "Jobs that wait, of all processes",
+      told.queued_jobs);
+  add("cluster_jobs_running", "Jobs that have a worker, of all processes",
+      told.running_jobs);
+  add("queue_oldest_seconds", "How long ago the oldest waiting job was created",
+      absl::ToDoubleSeconds(told.oldest_queued));
+  add("workers_registered", "Processes that take jobs", told.workers);
+  add("database_live_rows", "Jobs that are not over, as PostgreSQL estimates",
+      static_cast<double>(told.live_rows));
+  add("database_dead_rows",
+      "Old versions of these, not vacuumed yet, as PostgreSQL estimates",
+      static_cast<double>(told.dead_rows));
+  add("database_table_bytes", "Table of these, with its indexes",
+      static_cast<double>(told.table_bytes));
+  add("database_oldest_transaction_seconds",
+      "What a transaction that is still open may see cannot be vacuumed",
+      absl::ToDoubleSeconds(told.oldest_transaction));
+}
+
+void AddFigures(const ClusterFigures& cluster,
+                std::vector<MetricFamily>& families) {
+  families.push_back(MakeGauge("database_up",
+                               "1 if it answered when it was asked last, or 0",
+                               cluster.is_database_up ? 1 : 0));
+  families.push_back(
+      MakeTotal("database_errors_total",
+                "Calls of this process that the database refused or did not "
+                "answer",
+                static_cast<double>(cluster.database_errors)));
+  if (cluster.told) AddGauges(*cluster.told, families);
+}
+
 /// Gauges that are read when Prometheus asks.
 class LoadCollector final : public prometheus::Collectable {
  public:
@@ -123,6 +169,13 @@ class LoadCollector final : public prometheus::Collectable {
 
   std::vector<MetricFamily> Collect() const override {
     const LoadFigures load = read_load_();
+    std::vector<MetricFamily> families = Local(load);
+    if (load.cluster) AddFigures(*load.cluster, families);
+    return families;
+  }
+
+ private:
+  static std::vector<MetricFamily> Local(const LoadFigures& load) {
     const auto bytes = [](std::int64_t count) {
       return static_cast<double>(count);
     };
@@ -154,7 +207,6 @@ class LoadCollector final : public prometheus::Collectable {
     };
   }
 
- private:
   const PrometheusMetrics::ReadLoad read_load_;
 };
 
@@ -198,6 +250,33 @@ class PrometheusMetrics::Impl {
   Family<Histogram>& handling =
       AddHistogram("grpc_server_handling_seconds", "From a call to its answer");
 
+  /// Of the queue that others share.
+  struct Queue {
+    explicit Queue(Impl& impl)
+        : claims(impl.AddCounter("claims_total", "Jobs that came to a worker")
+                     .Add({})),
+          claim_failures(impl.AddCounter("claim_failures_total",
+                                         "Claims that the database refused or "
+                                         "did not answer")
+                             .Add({})),
+          leases_lost(impl.AddCounter("leases_lost_total",
+                                      "Jobs of this process that others took")
+                          .Add({})),
+          leases_expired(
+              impl.AddCounter("leases_expired_total",
+                              "Jobs that this process took from silent workers")
+                  .Add({})),
+          claim_seconds(
+              impl.AddHistogram("claim_seconds", "Claims, also those of no job")
+                  .Add({}, ClaimBuckets())) {}
+    Counter& claims;
+    Counter& claim_failures;
+    Counter& leases_lost;
+    Counter& leases_expired;
+    Histogram& claim_seconds;
+  };
+  std::optional<Queue> queue;
+
   // All of these only while it listens.
   Probes probes;
   std::shared_ptr<prometheus::Collectable> load;
@@ -205,8 +284,9 @@ class PrometheusMetrics::Impl {
   std::unique_ptr<prometheus::Exposer> exposer;
 };
 
-PrometheusMetrics::PrometheusMetrics(const std::string& version)
+PrometheusMetrics::PrometheusMetrics(const std::string& version, bool is_shared)
     : impl_(std::make_unique<Impl>()) {
+  if (is_shared) impl_->queue.emplace(*impl_);
   prometheus::BuildGauge()
       .Name("isomatch_build_info")
       .Help("Always 1; the label tells the version")
@@ -271,6 +351,24 @@ void PrometheusMetrics::JobMeasured(double estimate_ratio) {
 
 void PrometheusMetrics::Uploaded(std::int64_t bytes) {
   impl_->upload_bytes.Increment(static_cast<double>(bytes));
+}
+
+void PrometheusMetrics::Claimed(int jobs, absl::Duration took) {
+  if (!impl_->queue) return;
+  impl_->queue->claims.Increment(jobs);
+  impl_->queue->claim_seconds.Observe(absl::ToDoubleSeconds(took));
+}
+
+void PrometheusMetrics::ClaimFailed() {
+  if (impl_->queue) impl_->queue->claim_failures.Increment();
+}
+
+void PrometheusMetrics::LeaseLost() {
+  if (impl_->queue) impl_->queue->leases_lost.Increment();
+}
+
+void PrometheusMetrics::LeaseExpired() {
+  if (impl_->queue) impl_->queue->leases_expired.Increment();
 }
 
 void PrometheusMetrics::CallHandled(const std::string& method,

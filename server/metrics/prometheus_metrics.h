@@ -16,8 +16,10 @@ class PrometheusMetrics final : public Metrics {
  public:
   using ReadLoad = std::function<LoadFigures()>;
 
-  /// `version` is that of the server, for isomatch_build_info.
-  explicit PrometheusMetrics(const std::string& version);
+  /// `version` is that of the server, for isomatch_build_info. Only where
+  /// others share the queue there are metrics of that.
+  explicit PrometheusMetrics(const std::string& version,
+                             bool is_shared = false);
   ~PrometheusMetrics() override;
 
   /// Answers GET /metrics, /healthz and /readyz at HOST:PORT, IPv4; port 0
@@ -38,6 +40,10 @@ class PrometheusMetrics final : public Metrics {
   void StageRan(const std::string& stage, absl::Duration ran) override;
   void JobMeasured(double estimate_ratio) override;
   void Uploaded(std::int64_t bytes) override;
+  void Claimed(int jobs, absl::Duration took) override;
+  void ClaimFailed() override;
+  void LeaseLost() override;
+  void LeaseExpired() override;
   void CallHandled(const std::string& method, const std::string& code,
                    absl::Duration handled) override;
 

@@ -42,6 +42,9 @@ struct LeasedJob {
   JobProgress progress;
 };
 
+/// How long a worker that says nothing counts as one.
+inline constexpr absl::Duration kWorkerAge = absl::Seconds(30);
+
 /// A process that takes jobs.
 struct WorkerEntry {
   std::string worker;

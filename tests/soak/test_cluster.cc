@@ -33,6 +33,8 @@ int FreePort() {
   return ntohs(address.sin_port);
 }
 
+std::string FreeAddress() { return absl::StrCat("127.0.0.1:", FreePort()); }
+
 /// Returns what was started, or fails the test.
 template <typename Server>
 std::unique_ptr<Server> Started(
@@ -116,11 +118,12 @@ void TestCluster::Migrate(const std::string& binary) {
 }
 
 void TestCluster::AddGateway(const std::string& binary) {
-  const std::string address = absl::StrCat("127.0.0.1:", FreePort());
+  const std::string address = FreeAddress();
   Member& member = gateways_.emplace_back();
   member = {.binary = binary,
             .flags = {"--store", StoreOfGateways(), "--role", "gateway",
                       "--listen", address},
+            .metrics = options_.metrics ? FreeAddress() : "off",
             .address = address};
   member.channel = ChannelTo(address);
   member.stub = v1::CorrespondenceService::NewStub(member.channel);
@@ -132,7 +135,8 @@ void TestCluster::AddWorker(const std::string& binary) {
   Member& member = workers_.emplace_back();
   member = {.binary = binary,
             .flags = {"--store", StoreOfNextWorker(), "--role", "worker",
-                      "--threads-per-job", "1"}};
+                      "--threads-per-job", "1"},
+            .metrics = options_.metrics ? FreeAddress() : "off"};
   if (index < options_.clocks.size()) member.clock = options_.clocks[index];
   Start(member);
 }
@@ -145,7 +149,7 @@ void TestCluster::Start(Member& member) const {
     arguments = {"LD_PRELOAD=" + FakeTimeLibrary(), "FAKETIME=" + member.clock,
                  "FAKETIME_DONT_FAKE_MONOTONIC=1", member.binary};
   }
-  arguments.insert(arguments.end(), {"--metrics-listen", "off"});
+  arguments.insert(arguments.end(), {"--metrics-listen", member.metrics});
   const auto& all = options_.flags;
   arguments.insert(arguments.end(), member.flags.begin(), member.flags.end());
   arguments.insert(arguments.end(), all.begin(), all.end());

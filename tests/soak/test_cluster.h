@@ -33,6 +33,8 @@ class TestCluster {
     int workers = 3;
     /// Of all processes.
     std::vector<std::string> flags = {};
+    /// Whether they tell their metrics.
+    bool metrics = false;
     Way way = Way::kSocket;
     /// Of the first workers, how far their clocks are ahead: "+1h", "-1h".
     std::vector<std::string> clocks = {};
@@ -47,6 +49,15 @@ class TestCluster {
   int workers() const { return static_cast<int>(workers_.size()); }
   Way way() const { return options_.way; }
   Stub& stub(int gateway) { return *At(gateways_, gateway).stub; }
+
+  // HOST:PORT of the metrics.
+
+  const std::string& gateway_metrics(int gateway) {
+    return At(gateways_, gateway).metrics;
+  }
+  const std::string& worker_metrics(int worker) {
+    return At(workers_, worker).metrics;
+  }
 
   /// Of all gateways, for clients that go on with another one.
   std::string addresses() const;
@@ -71,6 +82,7 @@ class TestCluster {
   void SignalWorker(int worker, int signal);
   /// Returns once it answers again.
   void KillDatabase();
+  PostgresServer& database() { return *database_; }
   /// REQUIRES: Way::kBouncer.
   void KillBouncer();
   /// Cuts all connections to the database: by the proxies, if there are some.
@@ -98,6 +110,7 @@ class TestCluster {
   struct Member {
     std::string binary;
     std::vector<std::string> flags;
+    std::string metrics = "";
     /// Of a gateway.
     std::string address = "";
     std::shared_ptr<grpc::Channel> channel = nullptr;

@@ -5,6 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "absl/strings/str_cat.h"
 #include "tests/server/metrics/http_get.h"
 #include "tests/support/matchers.h"
 
@@ -89,6 +90,46 @@ TEST(PrometheusMetricsTest, CountsWhatHappens) {
                       "\"s/M\"} 1\n"),
             HasSubstr("isomatch_grpc_server_handling_seconds_bucket{method="
                       "\"s/M\",le=\"0.005\"} 1\n")));
+}
+
+TEST(PrometheusMetricsTest, TellsOfASharedQueue) {
+  PrometheusMetrics metrics("1", /*is_shared=*/true);
+  metrics.Claimed(1, absl::Milliseconds(7));
+  metrics.Claimed(0, absl::Milliseconds(300));
+  metrics.ClaimFailed();
+  metrics.LeaseLost();
+  for (int i = 0; i < 3; ++i) metrics.LeaseExpired();
+  LoadFigures load;
+  load.cluster = {.is_database_up = true,
+                  .database_errors = 9,
+                  .told = ClusterFigures::Told{
+                      .queued_jobs = 11,
+                      .running_jobs = 12,
+                      .oldest_queued = absl::Milliseconds(1500),
+                      .workers = 13,
+                      .live_rows = 14,
+                      .dead_rows = 15,
+                      .table_bytes = 16,
+                      .oldest_transaction = absl::Milliseconds(2500)}};
+  ASSERT_THAT(metrics.Listen(kFreePort, [&] { return load; }), IsOk());
+  const std::string text = HttpGet(metrics.address(), "/metrics");
+  for (const char* line :
+       {"cluster_jobs_queued 11", "cluster_jobs_running 12",
+        "queue_oldest_seconds 1.5", "workers_registered 13", "database_up 1",
+        "database_live_rows 14", "database_dead_rows 15",
+        "database_table_bytes 16", "database_oldest_transaction_seconds 2.5",
+        "claims_total 1", "claim_failures_total 1", "leases_lost_total 1",
+        "leases_expired_total 3", "database_errors_total 9",
+        "claim_seconds_count 2", "claim_seconds_bucket{le=\"0.01\"} 1"}) {
+    EXPECT_THAT(text, HasSubstr(absl::StrCat("\nisomatch_", line, "\n")));
+  }
+  load.cluster->told.reset();
+  load.cluster->is_database_up = false;
+  EXPECT_THAT(HttpGet(metrics.address(), "/metrics"),
+              AllOf(HasSubstr("\nisomatch_database_up 0\n"),
+                    HasSubstr("\nisomatch_database_errors_total 9\n"),
+                    Not(HasSubstr("isomatch_cluster_jobs_queued")),
+                    Not(HasSubstr("isomatch_workers_registered"))));
 }
 
 TEST(PrometheusMetricsTest, OnlyMetricsAreServed) {
