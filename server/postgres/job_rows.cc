@@ -200,17 +200,17 @@ absl::Status UpdateRow(PostgresPool& pool, JobRecord& record) {
   if (record.hold > absl::ZeroDuration()) hold = IntervalOf(record.hold);
   ISOMATCH_ASSIGN_OR_RETURN(
       const pqxx::result rows,
-      pool.Ask(PostgresPool::Repeat::kNever,
-               "SELECT isomatch.update_job($1, $2, $3, $4, $5, $6, $7::interval, "
-               "$8, $9, $10, $11, $12, $13::text[], $14::bytea)",
-               record.id, record.sequence, record.claim,
-               static_cast<int>(record.state),
-               record.attempt, record.faults, OrNull(hold),
-               record.queue_timeout.has_value(), record.progress.stage,
-               record.progress.stage_fraction, record.progress.total_fraction,
-               ResultBytes(record), ArrayOf(DigestsOf(record.result)),
-               pqxx::binarystring(is_over ? EncodeJobRecord(record)
-                                          : std::string())));
+      pool.Ask(
+          PostgresPool::Repeat::kNever,
+          "SELECT isomatch.update_job($1, $2, $3, $4, $5, $6, $7::interval, "
+          "$8, $9, $10, $11, $12, $13::text[], $14::bytea)",
+          record.id, record.sequence, record.claim,
+          static_cast<int>(record.state), record.attempt, record.faults,
+          OrNull(hold), record.queue_timeout.has_value(), record.progress.stage,
+          record.progress.stage_fraction, record.progress.total_fraction,
+          ResultBytes(record), ArrayOf(DigestsOf(record.result)),
+          pqxx::binarystring(is_over ? EncodeJobRecord(record)
+                                     : std::string())));
   const auto sequence = rows[0][0].as<std::int64_t>();
   if (sequence == -1) return NotFound(record.id);
   if (sequence == 0) {
