@@ -22,6 +22,7 @@
 #include "server/job_log.h"
 #include "server/jobs/job_metrics.h"
 #include "server/jobs/retention_clock.h"
+#include "server/jobs/shared_partial_uploads.h"
 #include "server/logging/log.h"
 #include "server/machine/machine.h"
 #include "server/machine/process_memory.h"
@@ -178,7 +179,7 @@ class Server::Impl {
   std::unique_ptr<ThreadPool> cluster_;
   std::unique_ptr<ThreadPool> reads_;
   TenantTurns read_turns_;
-  PartialUploads partial_uploads_;
+  const std::unique_ptr<PartialUploads> partial_uploads_;
   JobManager manager_;
   const ServiceContext context_;
   CorrespondenceService service_;
@@ -229,7 +230,9 @@ Server::Impl::Impl(const ServerConfig& config, MatchEngine engine,
                  ? nullptr
                  : std::make_unique<ThreadPool>(kReadThreads)),
       read_turns_(kReadsOfTenant, reads_.get()),
-      partial_uploads_(&uploads_, timers_.get(), config.partial_upload_kept),
+      partial_uploads_(MakePartialUploads(stores_.uploads.get(), &uploads_,
+                                          timers_.get(),
+                                          config.partial_upload_kept)),
       manager_(MakeJobEnvironment()),
       context_(MakeContext()),
       service_(context_) {}
@@ -237,7 +240,7 @@ Server::Impl::Impl(const ServerConfig& config, MatchEngine engine,
 Server::Impl::~Impl() {
   Shutdown(absl::ZeroDuration());
   if (prometheus_ != nullptr) prometheus_->Close();
-  partial_uploads_.Clear();
+  partial_uploads_->Clear();
   cluster_.reset();
   intake_.reset();
   changes_.reset();
@@ -276,6 +279,7 @@ JobEnvironment Server::Impl::MakeJobEnvironment() {
   environment.process = ProcessName(RandomId());
   environment.lease = config_.lease;
   environment.blobs = stores_.blobs.get();
+  environment.broken_uploads = stores_.uploads.get();
   environment.budget = &budget_;
   environment.threads_per_job = plan_.threads_per_job;
   environment.runner = &runner_;
@@ -352,7 +356,7 @@ ServiceContext Server::Impl::MakeContext() {
   context.blobs = stores_.blobs.get();
   context.budget = &budget_;
   context.requests = &requests_;
-  context.partial_uploads = &partial_uploads_;
+  context.partial_uploads = partial_uploads_.get();
   context.uploads = &upload_calls_;
   context.intake = &intake_turns_;
   context.changes = &change_turns_;

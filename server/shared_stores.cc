@@ -10,6 +10,7 @@
 #include "server/postgres/postgres_blob_store.h"
 #include "server/postgres/postgres_job_store.h"
 #include "server/postgres/postgres_pool.h"
+#include "server/postgres/postgres_upload_store.h"
 #include "server/storage/files.h"
 
 namespace isomatch {
@@ -63,6 +64,9 @@ absl::StatusOr<Stores> OpenAnyStores(const ServerConfig& config) {
                       .puts_into_folder = !config.blob_dir_read_only});
   ISOMATCH_RETURN_IF_ERROR(blobs->Check());
   stores.blobs = std::move(blobs);
+  stores.uploads = std::make_unique<PostgresUploadStore>(
+      pool.get(),
+      PostgresUploadStore::Options{.kept_for = config.partial_upload_kept});
   stores.database = std::move(pool);
   return stores;
 }

@@ -15,6 +15,7 @@
 #include "server/storage/job_store.h"
 #include "server/storage/process_trace.h"
 #include "server/storage/shared_job_store.h"
+#include "server/storage/upload_store.h"
 
 namespace isomatch {
 
@@ -29,6 +30,8 @@ struct Stores {
   /// `jobs` if other processes use it, too; else null.
   SharedJobStore* shared = nullptr;
   std::unique_ptr<BlobStore> blobs;
+  /// Of uploads that broke off; null when they are kept in memory.
+  std::unique_ptr<UploadStore> uploads;
   /// Null without a data directory, or when the configuration wants none.
   std::unique_ptr<BlobStore> prepared;
   /// Null without a data directory.

@@ -20,9 +20,11 @@ absl::Status MeshUpload::Take(const v1::UploadMeshRequest& request) {
   } else {
     taken = UploadMalformed("an empty message, expected header or chunk");
   }
+  if (taken.ok()) return taken;
   // What has come may go on when there is room again.
-  if (absl::IsResourceExhausted(taken)) BreakOff();
-  if (!taken.ok()) stage_ = Stage::kOver;
+  const bool goes_on = absl::IsResourceExhausted(taken) && leaves_bytes();
+  stage_ = goes_on ? Stage::kBroken : Stage::kOver;
+  if (!environment_.partials->AsksTheDisk()) BreakOff();
   return taken;
 }
 
@@ -38,7 +40,8 @@ absl::Status MeshUpload::Begin(const v1::UploadMeshRequest& request) {
 }
 
 absl::Status MeshUpload::ContinueAt(std::uint64_t offset) {
-  PartialUpload kept = environment_.partials->Take(key_);
+  ISOMATCH_ASSIGN_OR_RETURN(PartialUpload kept,
+                            environment_.partials->Take(key_));
   const std::uint64_t most =
       std::min<std::uint64_t>(kept.bytes.size(), digest_.size_bytes());
   if (offset > most) {
@@ -67,7 +70,9 @@ absl::Status MeshUpload::Append(const std::string& chunk) {
   if (stage_ == Stage::kNew) {
     return UploadMalformed("a chunk before the header");
   }
-  if (stage_ == Stage::kOver) return UploadMalformed("a chunk after the end");
+  if (stage_ != Stage::kReceiving) {
+    return UploadMalformed("a chunk after the end");
+  }
   const auto most =
       static_cast<std::size_t>(environment_.limits.max_chunk_bytes);
   if (chunk.size() > most) {
@@ -90,8 +95,9 @@ absl::Status MeshUpload::Append(const std::string& chunk) {
 
 absl::Status MeshUpload::End() {
   if (stage_ == Stage::kNew) return UploadMalformed("no header came");
-  if (stage_ == Stage::kOver)
+  if (stage_ != Stage::kReceiving) {
     return UploadMalformed("the upload has already ended");
+  }
   const std::size_t received = received_.bytes.size();
   if (received != digest_.size_bytes()) {
     return UploadMalformed(absl::StrCat("the chunks have ", received,
@@ -118,7 +124,7 @@ absl::Status MeshUpload::Store() {
 }
 
 void MeshUpload::BreakOff() {
-  if (stage_ != Stage::kReceiving) return;
+  if (!leaves_bytes()) return;
   stage_ = Stage::kOver;
   environment_.partials->Keep(key_, std::move(received_));
 }

@@ -20,7 +20,8 @@ namespace isomatch {
 ///
 /// An error leads to OVER too, and nothing is kept: except when End finds too
 /// few bytes, since it looks alike when a stream ends and when it is lost, and
-/// when there is no room for the next chunk.
+/// when there is no room for the next chunk: then they are kept at once in
+/// memory, or else by BreakOff.
 ///
 /// Not thread-safe.
 class MeshUpload {
@@ -48,6 +49,11 @@ class MeshUpload {
   /// end.
   void BreakOff();
 
+  /// Whether BreakOff has bytes to keep.
+  bool leaves_bytes() const {
+    return stage_ == Stage::kReceiving || stage_ == Stage::kBroken;
+  }
+
   /// True when the server has the mesh already and needs no chunks.
   bool known() const { return known_; }
 
@@ -58,6 +64,7 @@ class MeshUpload {
   enum class Stage {
     kNew,        ///< no header came
     kReceiving,  ///< chunks are expected
+    kBroken,     ///< there was no room for one; BreakOff follows
     kOver,       ///< stored, known, refused or broken off
   };
 

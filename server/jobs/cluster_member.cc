@@ -217,6 +217,7 @@ void ClusterMember::DoChores() {
     if (now - pruned_ > kPruneInterval) {
       retention_.Prune();
       environment_.blobs->Tidy();
+      environment_.broken_uploads->Tidy();
       pruned_ = now;
     }
   }

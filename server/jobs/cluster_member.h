@@ -47,7 +47,8 @@ struct ClusterView {
 ///   DoChores once a second, by one of the processes: jobs whose workers are
 ///            silent go back to the queue, those that have waited too long
 ///            fail, those that nobody watches are cancelled if they want it so;
-///            once a minute old jobs go, and blobs that could not go before
+///            once a minute old jobs go, blobs that could not go before, and
+///            uploads that did not go on
 ///   Observe  each five seconds: how it stands with store and queue, for those
 ///            who look after them
 ///

@@ -23,6 +23,7 @@
 #include "server/storage/job_store.h"
 #include "server/storage/process_trace.h"
 #include "server/storage/shared_job_store.h"
+#include "server/storage/upload_store.h"
 
 namespace isomatch {
 
@@ -88,6 +89,8 @@ struct JobEnvironment {
   /// How long the others believe it without a word.
   absl::Duration lease = absl::Seconds(15);
   BlobStore* blobs = nullptr;
+  /// Of uploads that broke off; null where they are in memory.
+  UploadStore* broken_uploads = nullptr;
   MemoryBudget* budget = nullptr;
   /// Threads of each job.
   int threads_per_job = 1;

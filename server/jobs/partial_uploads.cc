@@ -7,7 +7,7 @@
 
 namespace isomatch {
 
-absl::StatusOr<MemoryBudget::Reservation> PartialUploads::Reserve(
+absl::StatusOr<MemoryBudget::Reservation> MemoryPartialUploads::Reserve(
     const std::string& tenant, std::int64_t bytes) {
   MemoryBudget& own = budgets_->Of(tenant);
   while (true) {
@@ -17,14 +17,14 @@ absl::StatusOr<MemoryBudget::Reservation> PartialUploads::Reserve(
   }
 }
 
-absl::Status PartialUploads::CheckRoom(const std::string& tenant,
-                                       std::int64_t bytes) const {
+absl::Status MemoryPartialUploads::CheckRoom(const std::string& tenant,
+                                             std::int64_t bytes) const {
   MutexLock lock(mutex_);
   return CheckRoomLocked(tenant, bytes);
 }
 
-absl::Status PartialUploads::CheckRoomLocked(const std::string& tenant,
-                                             std::int64_t bytes) const {
+absl::Status MemoryPartialUploads::CheckRoomLocked(const std::string& tenant,
+                                                   std::int64_t bytes) const {
   std::int64_t kept_own = 0;
   std::int64_t kept = 0;
   for (const auto& [of, entries] : KeptByTenant()) {
@@ -43,7 +43,7 @@ absl::Status PartialUploads::CheckRoomLocked(const std::string& tenant,
   return absl::OkStatus();
 }
 
-void PartialUploads::Keep(const BlobKey& key, PartialUpload upload) {
+void MemoryPartialUploads::Keep(const BlobKey& key, PartialUpload upload) {
   if (upload.bytes.empty()) return;
   upload.bytes.shrink_to_fit();
   upload.reservation.ShrinkTo(static_cast<std::int64_t>(upload.bytes.size()));
@@ -66,7 +66,7 @@ void PartialUploads::Keep(const BlobKey& key, PartialUpload upload) {
   }
 }
 
-PartialUpload PartialUploads::Take(const BlobKey& key) {
+absl::StatusOr<PartialUpload> MemoryPartialUploads::Take(const BlobKey& key) {
   Entries::node_type taken;  // its timer is freed after the lock
   {
     MutexLock lock(mutex_);
@@ -75,19 +75,19 @@ PartialUpload PartialUploads::Take(const BlobKey& key) {
   return taken ? std::move(taken.mapped().upload) : PartialUpload();
 }
 
-std::size_t PartialUploads::ReceivedBytes(const BlobKey& key) const {
+std::size_t MemoryPartialUploads::ReceivedBytes(const BlobKey& key) const {
   MutexLock lock(mutex_);
   const auto found = entries_.find(key);
   return found == entries_.end() ? 0 : found->second.upload.bytes.size();
 }
 
-void PartialUploads::Clear() {
+void MemoryPartialUploads::Clear() {
   Entries dropped;
   MutexLock lock(mutex_);
   dropped.swap(entries_);
 }
 
-void PartialUploads::Expire(const BlobKey& key, std::uint64_t age_order) {
+void MemoryPartialUploads::Expire(const BlobKey& key, std::uint64_t age_order) {
   Entries::node_type expired;
   MutexLock lock(mutex_);
   const auto found = entries_.find(key);
@@ -95,8 +95,8 @@ void PartialUploads::Expire(const BlobKey& key, std::uint64_t age_order) {
   expired = entries_.extract(found);
 }
 
-absl::Status PartialUploads::DropOneFor(const std::string& tenant,
-                                        std::int64_t bytes) {
+absl::Status MemoryPartialUploads::DropOneFor(const std::string& tenant,
+                                              std::int64_t bytes) {
   Entries::node_type dropped;
   MutexLock lock(mutex_);
   ISOMATCH_RETURN_IF_ERROR(CheckRoomLocked(tenant, bytes));
@@ -107,7 +107,7 @@ absl::Status PartialUploads::DropOneFor(const std::string& tenant,
   return absl::OkStatus();  // none: others have just given theirs back
 }
 
-PartialUploads::Entries::node_type PartialUploads::ExtractOldestOf(
+MemoryPartialUploads::Entries::node_type MemoryPartialUploads::ExtractOldestOf(
     const std::string& tenant) {
   auto oldest = entries_.end();
   for (auto entry = entries_.begin(); entry != entries_.end(); ++entry) {
@@ -122,7 +122,7 @@ PartialUploads::Entries::node_type PartialUploads::ExtractOldestOf(
 }
 
 template <typename Measure>
-std::string PartialUploads::LargestTenant(Measure Kept::*measure) const {
+std::string MemoryPartialUploads::LargestTenant(Measure Kept::*measure) const {
   const std::map<std::string, Kept> kept = KeptByTenant();
   const auto largest = std::max_element(
       kept.begin(), kept.end(), [&](const auto& a, const auto& b) {
@@ -131,8 +131,8 @@ std::string PartialUploads::LargestTenant(Measure Kept::*measure) const {
   return largest == kept.end() ? "" : largest->first;
 }
 
-std::map<std::string, PartialUploads::Kept> PartialUploads::KeptByTenant()
-    const {
+std::map<std::string, MemoryPartialUploads::Kept>
+MemoryPartialUploads::KeptByTenant() const {
   std::map<std::string, Kept> kept;
   for (const auto& [key, entry] : entries_) {
     Kept& own = kept[key.tenant];

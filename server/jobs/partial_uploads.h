@@ -26,7 +26,41 @@ struct PartialUpload {
 };
 
 /// What uploads that broke off have brought, for a while, so that they can go
-/// on there.
+/// on there, and room for those that run. Thread-safe.
+class PartialUploads {
+ public:
+  virtual ~PartialUploads() = default;
+
+  /// Whether Keep, Take and ReceivedBytes wait for a database, so that gRPC's
+  /// threads must not call them.
+  virtual bool AsksTheDisk() const = 0;
+
+  /// Returns room for `bytes` more of the tenant's unfinished uploads.
+  /// RESOURCE_EXHAUSTED (UPLOAD_QUOTA) when there is none, even without all
+  /// that may give way. REQUIRES: bytes >= 0.
+  virtual absl::StatusOr<MemoryBudget::Reservation> Reserve(
+      const std::string& tenant, std::int64_t bytes) = 0;
+
+  /// Whether Reserve would find room now; nothing gives way.
+  virtual absl::Status CheckRoom(const std::string& tenant,
+                                 std::int64_t bytes) const = 0;
+
+  /// Keeps what an upload has brought, and no more room than that needs.
+  virtual void Keep(const BlobKey& key, PartialUpload upload) = 0;
+
+  /// Removes and returns what is kept; empty when there is nothing.
+  /// UNAVAILABLE (STORAGE_FAILED), RESOURCE_EXHAUSTED (UPLOAD_QUOTA): it stays.
+  virtual absl::StatusOr<PartialUpload> Take(const BlobKey& key) = 0;
+
+  /// Returns the number of bytes that are kept.
+  virtual std::size_t ReceivedBytes(const BlobKey& key) const = 0;
+
+  /// Drops what is kept in memory, so that timers can be joined without waiting
+  /// for it.
+  virtual void Clear() {}
+};
+
+/// Those of one process, in memory.
 ///
 ///   1. Bytes belong to one upload or are kept here, never both: Take removes
 ///      them. Two uploads of one mesh at a time share nothing; of what both
@@ -37,35 +71,24 @@ struct PartialUpload {
 ///   3. At most kMaxKept are kept, so that tiny ones cannot pile up.
 ///
 /// Thread-safe. No lock is held while it calls others.
-class PartialUploads {
+class MemoryPartialUploads : public PartialUploads {
  public:
   static constexpr std::size_t kMaxKept = 1000;
 
   /// Both outlive this object, except that `timers` may be joined before.
-  PartialUploads(TenantBudgets* budgets, Executor* timers,
-                 absl::Duration keep_for)
+  MemoryPartialUploads(TenantBudgets* budgets, Executor* timers,
+                       absl::Duration keep_for)
       : budgets_(budgets), timers_(timers), keep_for_(keep_for) {}
 
-  /// Returns room for `bytes` more of the tenant's unfinished uploads.
-  /// RESOURCE_EXHAUSTED (UPLOAD_QUOTA) when there is none, even without all
-  /// that may give way. REQUIRES: bytes >= 0.
-  absl::StatusOr<MemoryBudget::Reservation> Reserve(const std::string& tenant,
-                                                    std::int64_t bytes);
-
-  /// Whether Reserve would find room now; nothing gives way.
-  absl::Status CheckRoom(const std::string& tenant, std::int64_t bytes) const;
-
-  /// Keeps what an upload has brought, and no more room than that needs.
-  void Keep(const BlobKey& key, PartialUpload upload);
-
-  /// Removes and returns what is kept; empty when there is nothing.
-  PartialUpload Take(const BlobKey& key);
-
-  /// Returns the number of bytes that are kept.
-  std::size_t ReceivedBytes(const BlobKey& key) const;
-
-  /// Drops all, so that `timers` can be joined without waiting for them.
-  void Clear();
+  bool AsksTheDisk() const override { return false; }
+  absl::StatusOr<MemoryBudget::Reservation> Reserve(
+      const std::string& tenant, std::int64_t bytes) override;
+  absl::Status CheckRoom(const std::string& tenant,
+                         std::int64_t bytes) const override;
+  void Keep(const BlobKey& key, PartialUpload upload) override;
+  absl::StatusOr<PartialUpload> Take(const BlobKey& key) override;
+  std::size_t ReceivedBytes(const BlobKey& key) const override;
+  void Clear() override;
 
  private:
   struct Entry {

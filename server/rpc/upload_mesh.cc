@@ -51,9 +51,10 @@ std::int64_t LeastSpeed(const v1::Digest& header) {
 ///   4. OnCancel: finishes with CANCELLED, unless a thread of the disk is at
 ///      work.
 ///   5. OnDone: nothing reads any more. Keeps the bytes of an upload that broke
-///      off, and lets go of itself.
+///      off, in a thread of the disk if they go to a database, and lets go of
+///      itself.
 ///
-/// It holds itself alive from 1 to 5; the alarm holds it weakly.
+/// It holds itself alive from 1 to that; the alarm holds it weakly.
 class UploadMeshReactor final
     : public grpc::ServerReadReactor<grpc::ByteBuffer>,
       public std::enable_shared_from_this<UploadMeshReactor> {
@@ -89,8 +90,14 @@ class UploadMeshReactor final
 
   void OnDone() override {
     alarm_.Cancel();
-    upload_.BreakOff();
     const auto last = std::move(self_);
+    const bool asks_disk = context_.partial_uploads->AsksTheDisk();
+    if (!asks_disk || !upload_.leaves_bytes()) return upload_.BreakOff();
+    IfThereIsMemory([&] {
+      context_.disk->Post(tenant_, [last] {
+        IfThereIsMemory([&] { last->upload_.BreakOff(); });
+      });
+    });
   }
 
  private:

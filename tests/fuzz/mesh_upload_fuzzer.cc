@@ -190,7 +190,7 @@ class FuzzedUploads {
   MemoryBudget budget_{kBudgetBytes};
   ManualExecutor timers_;
   TenantBudgets budgets_{&budget_, budget_.total_bytes()};
-  PartialUploads partials_{&budgets_, &timers_, absl::Minutes(5)};
+  MemoryPartialUploads partials_{&budgets_, &timers_, absl::Minutes(5)};
   std::array<std::optional<MeshUpload>, kStreams> streams_;
   /// Where the next right byte of each stream is.
   std::array<std::uint64_t, kStreams> sent_ = {};

@@ -1,6 +1,7 @@
 // Gateways and workers within the test's process, on a real PostgreSQL: what
 // one process says, and what another hears.
 
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <utility>
@@ -11,6 +12,7 @@
 #include <pqxx/pqxx>
 
 #include "absl/time/clock.h"
+#include "core/base/sha256.h"
 #include "server/server.h"
 #include "server/shared_stores.h"
 #include "tests/server/postgres/test_database.h"
@@ -257,6 +259,90 @@ TEST_F(ClusterTest, AFolderOfAnotherDatabaseIsRefused) {
   EXPECT_THAT(Server::Create(config, GatedEngine(), nullptr, OpenAnyStores),
               StatusIs(absl::StatusCode::kUnavailable,
                        testing::HasSubstr("not the folder of this database")));
+}
+
+class ClusterUploadTest : public ClusterTest {
+ protected:
+  /// Begins an upload at `offset`, sends `bytes`, and cancels or ends it.
+  grpc::Status Upload(std::uint64_t offset, const std::string& bytes,
+                      bool cancels) {
+    grpc::ClientContext context;
+    v1::UploadMeshResponse response;
+    const auto writer = stub_->UploadMesh(&context, &response);
+    v1::UploadMeshRequest request;
+    *request.mutable_header() = digest_;
+    request.set_offset(offset);
+    writer->Write(request);
+    request.set_chunk(bytes);
+    writer->Write(request);
+    if (cancels) {
+      absl::SleepFor(absl::Milliseconds(300));  // the bytes arrive
+      context.TryCancel();
+    } else {
+      writer->WritesDone();
+    }
+    return writer->Finish();
+  }
+
+  /// Returns how many bytes are there; -1 when the mesh is.
+  std::int64_t Received() {
+    grpc::ClientContext context;
+    v1::FindMissingMeshesRequest request;
+    *request.add_digests() = digest_;
+    v1::FindMissingMeshesResponse response;
+    EXPECT_TRUE(stub_->FindMissingMeshes(&context, request, &response).ok());
+    if (response.missing_size() == 0) return -1;
+    return static_cast<std::int64_t>(response.received_bytes(0));
+  }
+
+  bool WaitForReceived(std::int64_t bytes) {
+    for (int i = 0; i < 250 && Received() != bytes; ++i) {
+      absl::SleepFor(absl::Milliseconds(20));
+    }
+    return Received() == bytes;
+  }
+
+  const std::string bytes_ = SphereJob().mesh_x().draco();
+  const v1::Digest digest_ = [this] {
+    v1::Digest digest;
+    digest.set_sha256(Sha256Hex(bytes_));
+    digest.set_size_bytes(bytes_.size());
+    return digest;
+  }();
+};
+
+TEST_F(ClusterUploadTest, AnUploadThatBrokeOffGoesOnAtAnyGateway) {
+  const auto other = Start(Config("gateway"));
+  const auto third = Start(Config("gateway"));
+  const std::size_t half = bytes_.size() / 2;
+  EXPECT_FALSE(Upload(0, bytes_.substr(0, half), /*cancels=*/true).ok());
+  server_->Shutdown(absl::ZeroDuration());  // it is gone for good
+  CallAt(*other);
+  ASSERT_TRUE(WaitForReceived(static_cast<std::int64_t>(half)));
+  EXPECT_FALSE(Upload(half, bytes_.substr(half, 5), /*cancels=*/true).ok());
+  CallAt(*third);
+  ASSERT_TRUE(WaitForReceived(static_cast<std::int64_t>(half) + 5));
+  EXPECT_TRUE(Upload(half + 5, bytes_.substr(half + 5), false).ok());
+  EXPECT_EQ(Received(), -1);
+}
+
+TEST_F(ClusterUploadTest, WhatDidNotGoOnGoesWithTheChores) {
+  EXPECT_FALSE(Upload(0, bytes_.substr(0, 9), /*cancels=*/true).ok());
+  ASSERT_TRUE(WaitForReceived(9));
+  pqxx::connection database((*TheServer())->url());
+  pqxx::nontransaction rows(database);
+  rows.exec("UPDATE isomatch.partial_uploads SET kept_at = '-infinity'");
+  rows.exec("DELETE FROM isomatch.chores");
+  EXPECT_EQ(Received(), 0);
+  const auto other = Start(Config("gateway"));  // its first chores are all
+  const auto count = [&] {
+    return rows.exec("SELECT count(*) FROM isomatch.partial_uploads")[0][0]
+        .as<int>();
+  };
+  for (int i = 0; i < 500 && count() > 0; ++i) {
+    absl::SleepFor(absl::Milliseconds(20));
+  }
+  EXPECT_EQ(count(), 0);
 }
 
 TEST_F(ClusterTest, WhatADeletedJobLeavesGoesWithTheChores) {

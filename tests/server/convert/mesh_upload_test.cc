@@ -63,7 +63,7 @@ class MeshUploadTest : public testing::Test {
   MemoryBudget budget_{100};
   ManualExecutor timers_;
   TenantBudgets budgets_{&budget_, budget_.total_bytes()};
-  PartialUploads partials_{&budgets_, &timers_, absl::Minutes(5)};
+  MemoryPartialUploads partials_{&budgets_, &timers_, absl::Minutes(5)};
 };
 
 TEST_F(MeshUploadTest, TheRestFromTheOffsetOnCompletesTheMesh) {

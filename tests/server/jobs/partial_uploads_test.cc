@@ -44,7 +44,7 @@ class PartialUploadsTest : public testing::Test {
   MemoryBudget budget_{100};
   ManualExecutor timers_;
   TenantBudgets budgets_{&budget_, budget_.total_bytes()};
-  PartialUploads uploads_{&budgets_, &timers_, absl::Minutes(5)};
+  MemoryPartialUploads uploads_{&budgets_, &timers_, absl::Minutes(5)};
 };
 
 TEST_F(PartialUploadsTest, WhatIsKeptTakesItsOwnRoomOnlyAndIsTakenOnce) {
@@ -52,11 +52,11 @@ TEST_F(PartialUploadsTest, WhatIsKeptTakesItsOwnRoomOnlyAndIsTakenOnce) {
   EXPECT_EQ(budget_.reserved_bytes(), 5);
   EXPECT_EQ(Kept("a"), 5);
   {
-    const PartialUpload taken = uploads_.Take({kTenant, "a"});
+    const PartialUpload taken = *uploads_.Take({kTenant, "a"});
     EXPECT_EQ(taken.bytes, "12345");
     EXPECT_EQ(taken.reservation.bytes(), 5);
     EXPECT_EQ(Kept("a"), 0);
-    EXPECT_EQ(uploads_.Take({kTenant, "a"}).bytes, "");
+    EXPECT_EQ(uploads_.Take({kTenant, "a"})->bytes, "");
   }
   EXPECT_EQ(budget_.reserved_bytes(), 0);
   EXPECT_EQ(timers_.live_timers(), 0);
@@ -65,7 +65,7 @@ TEST_F(PartialUploadsTest, WhatIsKeptTakesItsOwnRoomOnlyAndIsTakenOnce) {
 TEST_F(PartialUploadsTest, TenantsDoNotSeeEachOthersBytes) {
   Keep("a", "12345");
   EXPECT_EQ(uploads_.ReceivedBytes({"other", "a"}), 0);
-  EXPECT_EQ(uploads_.Take({"other", "a"}).bytes, "");
+  EXPECT_EQ(uploads_.Take({"other", "a"})->bytes, "");
   EXPECT_EQ(Kept("a"), 5);
 }
 
@@ -93,10 +93,10 @@ TEST_F(PartialUploadsTest, ExpiresAfterItsTimeWhichBeginsAnewWithEachKeep) {
 
 TEST_F(PartialUploadsTest, ATimerOfWhatWasKeptBeforeDropsNothing) {
   BegunTimers timers;
-  PartialUploads uploads(&budgets_, &timers, absl::Minutes(5));
+  MemoryPartialUploads uploads(&budgets_, &timers, absl::Minutes(5));
   const BlobKey key{kTenant, "a"};
   for (int i = 0; i < 2; ++i) {
-    uploads.Take(key);
+    EXPECT_THAT(uploads.Take(key), IsOk());
     uploads.Keep(key, {"x", *uploads.Reserve(kTenant, 1)});
   }
   timers.Run(0);
@@ -131,7 +131,7 @@ TEST_F(PartialUploadsTest, NothingGivesWayWhereItWouldNotHelp) {
 
 TEST_F(PartialUploadsTest, ATenantHasItsShareAndLosesItsOwnFirst) {
   TenantBudgets budgets(&budget_, 60);
-  PartialUploads uploads(&budgets, &timers_, absl::Minutes(5));
+  MemoryPartialUploads uploads(&budgets, &timers_, absl::Minutes(5));
   const auto keep = [&](const std::string& tenant, const std::string& sha256,
                         int bytes) {
     auto reserved = uploads.Reserve(tenant, bytes);
@@ -163,9 +163,9 @@ TEST_F(PartialUploadsTest, ATenantHasItsShareAndLosesItsOwnFirst) {
 TEST_F(PartialUploadsTest, ManyTinyOnesOfOneTenantPushOutTheirOwn) {
   MemoryBudget budget(1 << 20);
   TenantBudgets budgets(&budget, budget.total_bytes());
-  PartialUploads uploads(&budgets, &timers_, absl::Minutes(5));
+  MemoryPartialUploads uploads(&budgets, &timers_, absl::Minutes(5));
   uploads.Keep({"b", "b"}, {"x", *uploads.Reserve("b", 1)});
-  for (std::size_t i = 0; i < PartialUploads::kMaxKept; ++i) {
+  for (std::size_t i = 0; i < MemoryPartialUploads::kMaxKept; ++i) {
     uploads.Keep({"a", absl::StrCat(i)}, {"x", *uploads.Reserve("a", 1)});
   }
   EXPECT_EQ(uploads.ReceivedBytes({"b", "b"}), 1);
@@ -175,12 +175,12 @@ TEST_F(PartialUploadsTest, ManyTinyOnesOfOneTenantPushOutTheirOwn) {
 TEST_F(PartialUploadsTest, TheirNumberIsBounded) {
   MemoryBudget budget(1 << 20);
   TenantBudgets budgets(&budget, budget.total_bytes());
-  PartialUploads uploads(&budgets, &timers_, absl::Minutes(5));
-  for (std::size_t i = 0; i <= PartialUploads::kMaxKept; ++i) {
+  MemoryPartialUploads uploads(&budgets, &timers_, absl::Minutes(5));
+  for (std::size_t i = 0; i <= MemoryPartialUploads::kMaxKept; ++i) {
     uploads.Keep({kTenant, absl::StrCat(i)},
                  {"x", *uploads.Reserve(kTenant, 1)});
   }
-  EXPECT_EQ(budget.reserved_bytes(), PartialUploads::kMaxKept);
+  EXPECT_EQ(budget.reserved_bytes(), MemoryPartialUploads::kMaxKept);
   EXPECT_EQ(uploads.ReceivedBytes({kTenant, "0"}), 0);
   EXPECT_EQ(uploads.ReceivedBytes({kTenant, "1"}), 1);
 }
@@ -196,7 +196,7 @@ TEST_F(PartialUploadsTest, ThreadsShareItWithoutLosingRoom) {
   MemoryBudget budget(10'000);
   ThreadPool timers(1);
   TenantBudgets budgets(&budget, budget.total_bytes());
-  PartialUploads uploads(&budgets, &timers, absl::Microseconds(50));
+  MemoryPartialUploads uploads(&budgets, &timers, absl::Microseconds(50));
   std::atomic<int> damaged = 0;
   std::vector<std::jthread> threads;
   for (unsigned seed = 0; seed < 4; ++seed) {
@@ -204,7 +204,7 @@ TEST_F(PartialUploadsTest, ThreadsShareItWithoutLosingRoom) {
       std::mt19937 random(seed);
       for (int i = 0; i < 2000; ++i) {
         const BlobKey key{kTenant, absl::StrCat(random() % 3)};
-        PartialUpload upload = uploads.Take(key);
+        PartialUpload upload = *uploads.Take(key);
         if (upload.bytes != std::string(upload.bytes.size(), key.sha256[0])) {
           ++damaged;
         }

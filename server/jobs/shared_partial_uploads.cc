@@ -1,0 +1,70 @@
+#include "server/jobs/shared_partial_uploads.h"
+
+#include <utility>
+
+#include "core/base/status_macros.h"
+#include "server/jobs/errors.h"
+
+namespace isomatch {
+
+absl::StatusOr<MemoryBudget::Reservation> SharedPartialUploads::Reserve(
+    const std::string& tenant, std::int64_t bytes) {
+  auto reserved = budgets_->Of(tenant).Reserve(bytes);
+  if (reserved.ok()) return reserved;
+  ISOMATCH_RETURN_IF_ERROR(CheckRoom(tenant, bytes));
+  return UploadQuota(bytes, kRetryUploadQuota);  // there is room by now
+}
+
+absl::Status SharedPartialUploads::CheckRoom(const std::string& tenant,
+                                             std::int64_t bytes) const {
+  const MemoryBudget& own = budgets_->Of(tenant);
+  if (bytes > own.total_bytes() - own.reserved_bytes()) {
+    return TenantUploadQuota(tenant, bytes, own.total_bytes(),
+                             kRetryUploadQuota);
+  }
+  const MemoryBudget& all = budgets_->whole();
+  if (bytes > all.total_bytes() - all.reserved_bytes()) {
+    return UploadQuota(bytes, kRetryUploadQuota);
+  }
+  return absl::OkStatus();
+}
+
+void SharedPartialUploads::Keep(const BlobKey& key, PartialUpload upload) {
+  // Lost when the store does not answer: the upload starts over.
+  if (upload.bytes.empty()) return;
+  (void)store_.Keep(key, upload.bytes,
+                    {.total_bytes = budgets_->whole().total_bytes(),
+                     .tenant_bytes = budgets_->share_bytes()});
+}
+
+absl::StatusOr<PartialUpload> SharedPartialUploads::Take(const BlobKey& key) {
+  PartialUpload taken;
+  const absl::StatusOr<std::size_t> kept = store_.ReceivedBytes(key);
+  if (!kept.ok()) return StorageFailed(kept.status());
+  if (*kept == 0) return taken;
+  ISOMATCH_ASSIGN_OR_RETURN(
+      taken.reservation, Reserve(key.tenant, static_cast<std::int64_t>(*kept)));
+  absl::StatusOr<std::string> bytes = store_.Take(key);
+  if (!bytes.ok()) return StorageFailed(bytes.status());
+  taken.bytes = *std::move(bytes);
+  // Somebody else may have taken it, and left less or more.
+  if (taken.bytes.size() > *kept) taken.bytes.resize(*kept);
+  taken.reservation.ShrinkTo(static_cast<std::int64_t>(taken.bytes.size()));
+  return taken;
+}
+
+std::size_t SharedPartialUploads::ReceivedBytes(const BlobKey& key) const {
+  return store_.ReceivedBytes(key).value_or(0);
+}
+
+std::unique_ptr<PartialUploads> MakePartialUploads(UploadStore* store,
+                                                   TenantBudgets* budgets,
+                                                   Executor* timers,
+                                                   absl::Duration keep_for) {
+  if (store != nullptr) {
+    return std::make_unique<SharedPartialUploads>(budgets, store);
+  }
+  return std::make_unique<MemoryPartialUploads>(budgets, timers, keep_for);
+}
+
+}  // namespace isomatch

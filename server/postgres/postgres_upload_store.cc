@@ -1,0 +1,74 @@
+#include "server/postgres/postgres_upload_store.h"
+
+#include "core/base/status_macros.h"
+#include "server/postgres/blob_content.h"
+#include "server/postgres/chunk_rows.h"
+#include "server/postgres/job_rows.h"
+
+namespace isomatch {
+namespace {
+
+constexpr char kPartialChunks[] = "isomatch.partial_chunks";
+
+}  // namespace
+
+absl::Status PostgresUploadStore::Keep(const BlobKey& key,
+                                       absl::string_view bytes,
+                                       const Limits& limits) {
+  return BlobStorageError(pool_.Run([&](pqxx::work& transaction) {
+    const pqxx::result kept = transaction.exec_params(
+        "SELECT isomatch.keep_upload($1, $2, $3, $4::interval)", key.tenant,
+        key.sha256, static_cast<std::int64_t>(bytes.size()),
+        IntervalOf(options_.kept_for));
+    if (!kept[0][0].as<bool>()) return absl::OkStatus();
+    InsertChunks(transaction, kPartialChunks, key, bytes);
+    transaction.exec_params("SELECT isomatch.trim_uploads($1, $2, $3, $4)",
+                            key.tenant, limits.tenant_bytes, limits.total_bytes,
+                            options_.max_kept);
+    return absl::OkStatus();
+  }));
+}
+
+absl::StatusOr<std::string> PostgresUploadStore::Take(const BlobKey& key) {
+  std::string bytes;
+  const absl::Status taken = pool_.Run([&](pqxx::work& transaction) {
+    bytes.clear();
+    const pqxx::result kept = transaction.exec_params(
+        "SELECT bytes FROM isomatch.partial_uploads WHERE tenant = $1 "
+        "AND sha256 = $2 AND kept_at > now() - $3::interval FOR UPDATE",
+        key.tenant, key.sha256, IntervalOf(options_.kept_for));
+    if (kept.empty()) return absl::OkStatus();
+    const int chunks = CountChunks(kept[0][0].as<std::int64_t>());
+    bytes.reserve(kept[0][0].as<size_t>());
+    for (int first = 0; first < chunks; first += kChunksAtOnce) {
+      AppendChunks(transaction, kPartialChunks, key, first, bytes);
+    }
+    transaction.exec_params(
+        "DELETE FROM isomatch.partial_uploads "
+        "WHERE tenant = $1 AND sha256 = $2",
+        key.tenant, key.sha256);
+    return absl::OkStatus();
+  });
+  ISOMATCH_RETURN_IF_ERROR(BlobStorageError(taken));
+  return bytes;
+}
+
+absl::StatusOr<std::size_t> PostgresUploadStore::ReceivedBytes(
+    const BlobKey& key) {
+  const auto kept =
+      pool_.Ask(PostgresPool::Repeat::kOnce,
+                "SELECT bytes FROM isomatch.partial_uploads WHERE tenant = $1 "
+                "AND sha256 = $2 AND kept_at > now() - $3::interval",
+                key.tenant, key.sha256, IntervalOf(options_.kept_for));
+  ISOMATCH_RETURN_IF_ERROR(BlobStorageError(kept.status()));
+  return kept->empty() ? 0 : kept->front()[0].as<std::size_t>();
+}
+
+void PostgresUploadStore::Tidy() {
+  (void)pool_.Ask(PostgresPool::Repeat::kOnce,
+                  "DELETE FROM isomatch.partial_uploads "
+                  "WHERE kept_at <= now() - $1::interval",
+                  IntervalOf(options_.kept_for));
+}
+
+}  // namespace isomatch

@@ -1,0 +1,141 @@
+#include "server/postgres/postgres_upload_store.h"
+
+#include <memory>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "server/postgres/postgres_pool.h"
+#include "tests/server/postgres/blob_database.h"
+#include "tests/support/matchers.h"
+
+namespace isomatch {
+namespace {
+
+using testing::_;
+
+class PostgresUploadStoreTest : public testing::Test {
+ protected:
+  static constexpr UploadStore::Limits kLimits = {.total_bytes = 100,
+                                                  .tenant_bytes = 50};
+
+  static BlobKey Key(const std::string& sha256,
+                     const std::string& tenant = "tenant") {
+    return {tenant, sha256};
+  }
+
+  void Keep(const BlobKey& key, const std::string& bytes) {
+    EXPECT_THAT(store_.Keep(key, bytes, kLimits), IsOk());
+  }
+
+  std::size_t Kept(const BlobKey& key) { return *store_.ReceivedBytes(key); }
+
+  void Age(int seconds) {
+    database_.Do(
+        "UPDATE isomatch.partial_uploads SET kept_at = kept_at - "
+        "interval '" +
+        std::to_string(seconds) + " s'");
+  }
+
+  BlobDatabase database_;
+  PostgresUploadStore store_{database_.pool(), {.max_kept = 3}};
+};
+
+TEST_F(PostgresUploadStoreTest, WhatOneProcessKeepsAnotherTakesOnce) {
+  std::string bytes(10 * 1024 * 1024 + 1, '\0');
+  for (size_t i = 0; i < bytes.size(); ++i) {
+    bytes[i] = static_cast<char>(i * i / 1000);
+  }
+  EXPECT_THAT(store_.Keep(Key("a"), bytes,
+                          {.total_bytes = 1 << 30, .tenant_bytes = 1 << 30}),
+              IsOk());
+  const auto pool = database_.OpenPool();
+  PostgresUploadStore other(pool.get(), {});
+  EXPECT_EQ(*other.ReceivedBytes(Key("a")), bytes.size());
+  EXPECT_EQ(*other.ReceivedBytes(Key("a", "other")), 0);
+  EXPECT_EQ(*other.Take(Key("a", "other")), "");
+  EXPECT_TRUE(*other.Take(Key("a")) == bytes);
+  EXPECT_EQ(*store_.Take(Key("a")), "");
+  EXPECT_EQ(Kept(Key("a")), 0);
+  EXPECT_EQ(database_.Do("SELECT count(*) FROM isomatch.partial_chunks"), "0");
+}
+
+TEST_F(PostgresUploadStoreTest, OfTwoUploadsTheLongerIsKept) {
+  Keep(Key("a"), "0123");
+  Keep(Key("a"), "012345");
+  Keep(Key("a"), "01");
+  EXPECT_EQ(*store_.Take(Key("a")), "012345");
+}
+
+TEST_F(PostgresUploadStoreTest, ExpiresAfterItsTime) {
+  Keep(Key("a"), "0123");
+  Keep(Key("b"), "0123");
+  Age(299);
+  EXPECT_EQ(Kept(Key("a")), 4);
+  Age(2);
+  EXPECT_EQ(Kept(Key("a")), 0);
+  EXPECT_EQ(*store_.Take(Key("a")), "");
+  Keep(Key("a"), "01");  // what is over does not count as longer
+  store_.Tidy();
+  EXPECT_EQ(Kept(Key("a")), 2);
+  EXPECT_EQ(database_.Do("SELECT count(*) FROM isomatch.partial_uploads"), "1");
+}
+
+TEST_F(PostgresUploadStoreTest, ATenantHasItsShareAndLosesItsOldest) {
+  Keep(Key("other", "other"), std::string(40, 'o'));
+  Keep(Key("a"), std::string(30, 'a'));
+  Keep(Key("b"), std::string(30, 'b'));
+  EXPECT_EQ(Kept(Key("a")), 0);
+  EXPECT_EQ(Kept(Key("b")), 30);
+  Keep(Key("c"), std::string(51, 'c'));  // more than it may have
+  EXPECT_EQ(Kept(Key("c")), 0);
+  EXPECT_EQ(Kept(Key("other", "other")), 40);
+}
+
+TEST_F(PostgresUploadStoreTest, WhoHasMostGivesWayToAll) {
+  Keep(Key("a", "one"), std::string(50, 'a'));
+  Keep(Key("a", "two"), std::string(40, 'a'));
+  Keep(Key("a", "three"), std::string(20, 'a'));
+  EXPECT_EQ(Kept(Key("a", "one")), 0);
+  EXPECT_EQ(Kept(Key("a", "two")), 40);
+  EXPECT_EQ(Kept(Key("a", "three")), 20);
+}
+
+TEST_F(PostgresUploadStoreTest, TheirNumberIsBounded) {
+  Keep(Key("a", "other"), "0");
+  for (const char* sha256 : {"a", "b", "c"}) Keep(Key(sha256), "0");
+  EXPECT_EQ(Kept(Key("a", "other")), 1);
+  EXPECT_EQ(Kept(Key("a")), 0);
+  EXPECT_EQ(Kept(Key("b")), 1);
+}
+
+TEST_F(PostgresUploadStoreTest, TwoThatTakeItDoNotBothGetIt) {
+  for (int round = 0; round < 20; ++round) {
+    Keep(Key("a"), "0123");
+    std::string taken[2];
+    {
+      std::vector<std::jthread> threads;
+      for (std::string& bytes : taken) {
+        threads.emplace_back([&] { bytes = *store_.Take(Key("a")); });
+      }
+    }
+    EXPECT_EQ(taken[0] + taken[1], "0123");
+  }
+}
+
+TEST_F(PostgresUploadStoreTest, ADatabaseThatIsAwayIsUnavailable) {
+  Keep(Key("a"), "0123");
+  database_.server().Kill();
+  const auto is_unavailable = StatusIs(absl::StatusCode::kUnavailable, _);
+  EXPECT_THAT(store_.Keep(Key("b"), "0", kLimits), is_unavailable);
+  EXPECT_THAT(store_.Take(Key("a")), is_unavailable);
+  EXPECT_THAT(store_.ReceivedBytes(Key("a")), is_unavailable);
+  ASSERT_THAT(database_.server().Restart(), IsOk());
+  EXPECT_EQ(*store_.Take(Key("a")), "0123");
+}
+
+}  // namespace
+}  // namespace isomatch
