@@ -158,8 +158,10 @@ class ClusterPagesTest(unittest.TestCase):
         def submit_all_the_time():
             try:
                 while not stop.is_set():
-                    seeds.update(self.submit(client, 1))
-                    stop.wait(0.5)
+                    # Always more than the workers take, however fast they are.
+                    if len(client.names("QUEUED")) < 6:
+                        seeds.update(self.submit(client, 4))
+                    stop.wait(0.2)
             except AssertionError as failure:
                 failures.append(failure)
 
