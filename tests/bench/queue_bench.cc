@@ -78,6 +78,12 @@ class Queue {
                                           .connections = workers + 4,
                                           .patience = absl::Seconds(30)}));
     ISOMATCH_RETURN_IF_ERROR(Migrate(*queue->pool_));
+    // As server/README asks for.
+    for (const char* setting : {"ALTER SYSTEM SET autovacuum_naptime = '5s'",
+                                "SELECT pg_reload_conf()"}) {
+      ISOMATCH_RETURN_IF_ERROR(
+          queue->pool_->Ask(PostgresPool::Repeat::kOnce, setting).status());
+    }
     queue->store_ = std::make_unique<PostgresJobStore>(
         queue->pool_.get(), PostgresJobStore::Options());
     return queue;
