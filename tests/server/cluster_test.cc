@@ -79,6 +79,14 @@ class ClusterTest : public TestServer {
     return response.job();
   }
 
+  grpc::Status Delete(const std::string& name) {
+    grpc::ClientContext context;
+    v1::DeleteJobRequest request;
+    request.set_name(name);
+    v1::DeleteJobResponse response;
+    return stub_->DeleteJob(&context, request, &response);
+  }
+
   v1::GetServerInfoResponse Info() {
     grpc::ClientContext context;
     v1::GetServerInfoResponse info;
@@ -217,11 +225,7 @@ TEST_F(ClusterTest, DeletedJobsAreGoneForAll) {
   const auto worker = Start(Config("worker"));
   const std::string name = CreateJob();
   WaitFor(name, v1::Job::STATE_SUCCEEDED);
-  grpc::ClientContext context;
-  v1::DeleteJobRequest request;
-  request.set_name(name);
-  v1::DeleteJobResponse response;
-  EXPECT_TRUE(stub_->DeleteJob(&context, request, &response).ok());
+  EXPECT_TRUE(Delete(name).ok());
   CallAt(*other);
   grpc::ClientContext again;
   v1::GetJobRequest get;
@@ -349,11 +353,7 @@ TEST_F(ClusterTest, WhatADeletedJobLeavesGoesWithTheChores) {
   const auto worker = Start(Config("worker"));
   const std::string name = CreateJob();
   WaitFor(name, v1::Job::STATE_SUCCEEDED);
-  grpc::ClientContext context;
-  v1::DeleteJobRequest request;
-  request.set_name(name);
-  v1::DeleteJobResponse response;
-  ASSERT_TRUE(stub_->DeleteJob(&context, request, &response).ok());
+  ASSERT_TRUE(Delete(name).ok());
   pqxx::connection database((*TheServer())->url());
   pqxx::nontransaction rows(database);
   const auto count = [&] {
