@@ -189,15 +189,9 @@ absl::StatusOr<bool> PostgresJobStore::TakeBack(const JobRecord& job,
                                                 int faults) {
   ISOMATCH_ASSIGN_OR_RETURN(
       const pqxx::result rows,
-      pool_.Ask(Repeat::kOnce,
-                "UPDATE isomatch.live_jobs SET state = 1, faults = $3, "
-                "sequence = nextval('isomatch.job_sequence'), worker = '', "
-                "claim = 0, lease_until = 'infinity', started = NULL, "
-                "queue_deadline = 'infinity', stage = 0, stage_fraction = 0, "
-                "total_fraction = 0 WHERE id = $1 AND claim = $2 AND state = 2 "
-                "AND lease_until < now() RETURNING id",
+      pool_.Ask(Repeat::kOnce, "SELECT isomatch.take_back_job($1, $2, $3)",
                 job.id, job.claim, faults));
-  return !rows.empty();
+  return rows[0][0].as<bool>();
 }
 
 absl::StatusOr<std::vector<JobRecord>> PostgresJobStore::Overdue() {

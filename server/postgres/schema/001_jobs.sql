@@ -273,6 +273,42 @@ BEGIN
     WHERE tenant = chosen_head.tenant;
 END $$;
 
+-- A job that ran waits again, in its old place: nobody has it, and it has come
+-- no way.
+CREATE FUNCTION isomatch.requeue_job(
+  p_number bigint, p_sequence bigint, p_attempt int, p_faults int,
+  p_not_before timestamptz, p_queue_deadline timestamptz)
+RETURNS void
+LANGUAGE sql AS $$
+  UPDATE isomatch.live_jobs
+    SET state = 1, sequence = p_sequence, attempt = p_attempt,
+        faults = p_faults, worker = '', claim = 0, lease_until = 'infinity',
+        started = NULL, not_before = p_not_before,
+        queue_deadline = p_queue_deadline,
+        stage = 0, stage_fraction = 0, total_fraction = 0
+    WHERE number = p_number;
+$$;
+
+-- The same of a job whose lease has run out; false when it has not, or when the
+-- job is another claim's by now.
+CREATE FUNCTION isomatch.take_back_job(p_id text, p_claim bigint, p_faults int)
+RETURNS boolean
+LANGUAGE plpgsql
+SET lock_timeout TO '3s'
+AS $$
+DECLARE
+  live isomatch.live_jobs;
+BEGIN
+  SELECT * INTO live FROM isomatch.live_jobs
+    WHERE id = p_id AND claim = p_claim AND state = 2 AND lease_until < now()
+    FOR UPDATE;
+  IF NOT FOUND THEN RETURN false; END IF;
+  PERFORM isomatch.requeue_job(
+    live.number, nextval('isomatch.job_sequence'), live.attempt, p_faults,
+    live.not_before, 'infinity');
+  RETURN true;
+END $$;
+
 -- Replaces a job's record when its sequence is still p_sequence, and its claim
 -- p_claim: a crash may have given the number to another change. Once it is over
 -- it needs its results, kind 2 of job_blobs, and its inputs no more. Returns the
@@ -323,14 +359,11 @@ BEGIN
       WHERE number = live.number;
     RETURN new_sequence;
   END IF;
-  UPDATE isomatch.live_jobs
-    SET state = p_state, sequence = new_sequence, attempt = p_attempt,
-        faults = p_faults, worker = '', claim = 0, lease_until = 'infinity',
-        started = NULL, not_before = coalesce(now() + p_hold, '-infinity'),
-        queue_deadline = CASE WHEN p_has_queue_timeout THEN queue_deadline
-                              ELSE 'infinity' END,
-        stage = 0, stage_fraction = 0, total_fraction = 0
-    WHERE number = live.number;
+  PERFORM isomatch.requeue_job(
+    live.number, new_sequence, p_attempt, p_faults,
+    coalesce(now() + p_hold, '-infinity'),
+    CASE WHEN p_has_queue_timeout THEN live.queue_deadline
+         ELSE 'infinity' END);
   RETURN new_sequence;
 END $$;
 
