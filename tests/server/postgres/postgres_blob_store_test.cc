@@ -15,7 +15,7 @@
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
 #include "core/base/sha256.h"
-#include "tests/server/postgres/blob_database.h"
+#include "tests/server/postgres/blob_store_fixture.h"
 #include "tests/server/storage/blob_store_conformance.h"
 #include "tests/support/matchers.h"
 
@@ -24,51 +24,8 @@ namespace {
 
 using testing::_;
 using testing::AnyOf;
-using Options = PostgresBlobStore::Options;
 
 auto IsUnavailable() { return StatusIs(absl::StatusCode::kUnavailable, _); }
-
-class PostgresBlobStoreTest : public testing::Test {
- protected:
-  static constexpr std::int64_t kMiB = 1024 * 1024;
-
-  std::unique_ptr<PostgresBlobStore> Make(const Options& options) {
-    return std::make_unique<PostgresBlobStore>(database_.pool(), options);
-  }
-
-  static BlobKey KeyOf(const std::string& bytes) {
-    return {"tenant", Sha256Hex(bytes)};
-  }
-
-  static BlobKey Put(BlobStore& store, const std::string& bytes) {
-    BlobKey key = KeyOf(bytes);
-    EXPECT_THAT(store.Put(key, bytes, Keep::kWhileRoom), IsOk());
-    return key;
-  }
-
-  /// Bytes of which no two pieces are the same.
-  static std::string ManyBytes(std::int64_t size, std::uint32_t seed) {
-    std::string bytes(static_cast<size_t>(size), '\0');
-    for (char& byte : bytes) {
-      seed = seed * 1664525 + 1013904223;
-      byte = static_cast<char>(seed >> 24);
-    }
-    return bytes;
-  }
-
-  /// Lets so many seconds pass for all blobs.
-  void Age(int seconds) {
-    const std::string time = "interval '" + std::to_string(seconds) + " s'";
-    database_.Do("UPDATE isomatch.blobs SET used_at = used_at - " + time +
-                 ", remove_at = remove_at - " + time);
-  }
-
-  std::string UsedAt() {
-    return database_.Do("SELECT used_at FROM isomatch.blobs");
-  }
-
-  BlobDatabase database_;
-};
 
 TEST_F(PostgresBlobStoreTest, TwoStoresSeeTheSame) {
   const auto one = Make(ExactOptions(100));
@@ -177,107 +134,6 @@ TEST_F(PostgresBlobStoreTest, WhatWasJustUsedStaysAlsoWhenOthersCannotGo) {
   EXPECT_THAT(store->Put(KeyOf(small), small, Keep::kWhileRoom),
               StatusIs(absl::StatusCode::kResourceExhausted, _));
   EXPECT_EQ(store->size_bytes(), 80);
-}
-
-TEST_F(PostgresBlobStoreTest, RemoveWaitsForTheGrace) {
-  Options options = ExactOptions(100);
-  options.grace = absl::Minutes(10);
-  const auto store = Make(options);
-  const BlobKey key = Put(*store, "content");
-  Age(11 * 60);
-  store->Remove(key);
-  EXPECT_EQ(store->size_bytes(), 0);
-}
-
-TEST_F(PostgresBlobStoreTest, WhatWasRemovedTooEarlyGoesOnceItMay) {
-  Options options = ExactOptions(100);
-  options.grace = absl::Minutes(10);
-  const auto store = Make(options);
-  const BlobKey removed = Put(*store, "removed");
-  Put(*store, "other");
-  store->Remove(removed);
-  store->Tidy();
-  Age(9 * 60);
-  Make(options)->Tidy();
-  EXPECT_EQ(store->size_bytes(), 12);
-  Age(2 * 60);
-  Make(options)->Tidy();
-  EXPECT_FALSE(store->Has(removed));
-  EXPECT_EQ(store->size_bytes(), 5);
-}
-
-TEST_F(PostgresBlobStoreTest, ARemovalIsDueByTheDatabasesClock) {
-  Options options = ExactOptions(100);
-  options.grace = absl::Milliseconds(300);
-  const auto store = Make(options);
-  const absl::Time put = absl::Now();
-  const BlobKey key = Put(*store, "content");
-  store->Remove(key);
-  while (store->size_bytes() > 0 && absl::Now() < put + absl::Seconds(20)) {
-    store->Tidy();
-  }
-  EXPECT_EQ(store->size_bytes(), 0);
-  EXPECT_GE(absl::Now() - put, options.grace);
-}
-
-TEST_F(PostgresBlobStoreTest, AUseTakesARemovalBack) {
-  const auto store = Make({.capacity_bytes = 100});
-  const BlobKey key = Put(*store, "content");
-  for (const auto use :
-       {+[](BlobStore&s, const BlobKey&k) { s.Pin(k); },
-        +[](BlobStore&s, const BlobKey&k) { s.Has(k); },
-        +[](BlobStore&s, const BlobKey&) { Put(s, "content"); },
-        +[](BlobStore&s, const BlobKey&k) { EXPECT_THAT(s.Get(k), IsOk()); }}) {
-    store->Remove(key);
-    use(*store, key);
-    Age(11 * 60);
-    store->Tidy();
-    EXPECT_TRUE(store->Has(key));
-  }
-  database_.Do("UPDATE isomatch.blobs SET is_damaged = true");
-  store->Remove(key);
-  Put(*store, "content");
-  Age(11 * 60);
-  store->Tidy();
-  EXPECT_TRUE(store->Has(key));
-}
-
-TEST_F(PostgresBlobStoreTest, ARemovalWaitsForJobsThatCameToNeedIt) {
-  const auto store = Make({.capacity_bytes = 100});
-  const BlobKey key = Put(*store, "content");
-  store->Remove(key);
-  database_.AddReference("job", key);
-  Age(11 * 60);
-  store->Tidy();
-  EXPECT_EQ(database_.Do("SELECT count(*) FROM isomatch.blobs"), "1");
-  database_.RemoveReferences("job");
-  store->Tidy();
-  EXPECT_EQ(database_.Do("SELECT count(*) FROM isomatch.blobs"), "0");
-}
-
-// Its jobs name it, and each of them removes it in turn.
-TEST_F(PostgresBlobStoreTest, RemovingWhatIsNeededIsNotRemembered) {
-  const auto store = Make({.capacity_bytes = 100});
-  const BlobKey key = Put(*store, "content");
-  database_.AddReference("job", key);
-  store->Remove(key);
-  Age(11 * 60);
-  database_.RemoveReferences("job");
-  store->Tidy();
-  EXPECT_EQ(database_.Do("SELECT count(*) FROM isomatch.blobs"), "1");
-}
-
-TEST_F(PostgresBlobStoreTest, ManyRemovalsAreDoneInSteps) {
-  const auto store = Make({.capacity_bytes = 10000});
-  database_.Do(
-      "INSERT INTO isomatch.blobs SELECT CASE WHEN i % 2 = 0 THEN 'a' ELSE 'b' "
-      "END, i::text, 1, 0, false, now(), now() - interval '1 h', now() "
-      "FROM generate_series(1, 250) i;"
-      "SELECT isomatch.count_blob_bytes('a', 125),"
-      "       isomatch.count_blob_bytes('b', 125)");
-  store->Tidy();
-  EXPECT_EQ(database_.Do("SELECT count(*) FROM isomatch.blobs"), "0");
-  EXPECT_EQ(database_.Do("SELECT max(bytes) FROM isomatch.blob_totals"), "0");
 }
 
 TEST_F(PostgresBlobStoreTest, AUseIsWrittenOnlyWhenTheLastOneIsOld) {
