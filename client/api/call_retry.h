@@ -12,17 +12,14 @@
 
 namespace isomatch {
 
-/// From the first failure on; the pauses grow from the first to the longest.
-inline constexpr absl::Duration kPatience = absl::Seconds(10);
-
-/// Pauses between attempts that end with UNAVAILABLE, each up to a fifth longer
-/// or shorter, so that clients of a server that comes back do not come
-/// together. Not thread-safe.
+/// Pauses between attempts that end with UNAVAILABLE, in all for `patience`
+/// from the first failure on; they grow, each up to a fifth longer or shorter,
+/// so that clients of a server that comes back do not come together. Not
+/// thread-safe.
 class Backoff {
  public:
   /// `stop` outlives it and cuts a pause short.
-  explicit Backoff(const std::stop_token& stop,
-                   absl::Duration patience = kPatience)
+  Backoff(const std::stop_token& stop, absl::Duration patience)
       : stop_(stop), patience_(patience) {}
 
   /// What happens next is a first failure.
@@ -65,8 +62,8 @@ absl::Status OfCall(const grpc::Status& status, const std::stop_token& stop);
 /// Calls `call(context)` until it ends with anything but UNAVAILABLE, or
 /// `patience` is over.
 template <typename Call>
-absl::Status Retry(const std::stop_token& stop, const Call& call,
-                   absl::Duration patience = kPatience) {
+absl::Status Retry(const std::stop_token& stop, absl::Duration patience,
+                   const Call& call) {
   Backoff backoff(stop, patience);
   absl::Status status;
   do {

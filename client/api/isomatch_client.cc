@@ -114,34 +114,36 @@ absl::Status OutcomeOf(const v1::Job& job) {
   }
 }
 
-IsomatchClient::IsomatchClient(const std::shared_ptr<grpc::Channel>& channel)
-    : stub_(v1::CorrespondenceService::NewStub(channel)) {}
+IsomatchClient::IsomatchClient(const std::shared_ptr<grpc::Channel>& channel,
+                               absl::Duration patience)
+    : stub_(v1::CorrespondenceService::NewStub(channel)), patience_(patience) {}
 
 absl::StatusOr<v1::GetServerInfoResponse> IsomatchClient::GetServerInfo(
     const std::stop_token& stop) {
-  const auto deadline = absl::ToChronoTime(absl::Now() + kFirstContact);
+  const absl::Duration patience =
+      patience_ > kPatience ? patience_ : std::min(patience_, kFirstContact);
+  const auto deadline =
+      absl::ToChronoTime(absl::Now() + std::max(patience, kFirstContact));
   v1::GetServerInfoResponse response;
   // The first attempt says what is wrong; the next ones wait for a server that
   // is about to start. (A call that fails at once does not keep gRPC
   // connecting.)
   std::string refusal;
-  const absl::Status status = Retry(
-      stop,
-      [&](grpc::ClientContext* context) {
+  const absl::Status status =
+      Retry(stop, patience, [&](grpc::ClientContext* context) {
         context->set_deadline(deadline);
         context->set_wait_for_ready(!refusal.empty());
         grpc::Status attempt = stub_->GetServerInfo(context, {}, &response);
         if (refusal.empty()) refusal = attempt.error_message();
         return attempt;
-      },
-      kFirstContact);
+      });
   if (status.ok()) return response;
   if (status.code() != absl::StatusCode::kUnavailable &&
       status.code() != absl::StatusCode::kDeadlineExceeded) {
     return status;
   }
   return absl::UnavailableError(
-      absl::StrCat("no answer within ", absl::FormatDuration(kFirstContact),
+      absl::StrCat("no answer within ", absl::FormatDuration(patience),
                    ", expected a running isomatch-server: ", refusal));
 }
 
@@ -219,7 +221,7 @@ absl::Status IsomatchClient::Upload(const std::string& bytes,
                                     std::uint64_t chunk_bytes,
                                     const std::stop_token& stop) {
   const v1::Digest digest = DigestOf(bytes);
-  Backoff backoff(stop);
+  Backoff backoff(stop, patience_);
   std::uint64_t offset = 0;
   absl::Status status;
   do {
@@ -244,9 +246,10 @@ absl::StatusOr<std::optional<std::uint64_t>> IsomatchClient::FindReceived(
   v1::FindMissingMeshesRequest request;
   *request.add_digests() = digest;
   v1::FindMissingMeshesResponse response;
-  ISOMATCH_RETURN_IF_ERROR(Retry(stop, [&](grpc::ClientContext* context) {
-    return stub_->FindMissingMeshes(context, request, &response);
-  }));
+  ISOMATCH_RETURN_IF_ERROR(
+      Retry(stop, patience_, [&](grpc::ClientContext* context) {
+        return stub_->FindMissingMeshes(context, request, &response);
+      }));
   if (response.missing().empty()) return std::nullopt;
   // Servers before uploads could be resumed say nothing.
   return response.received_bytes().empty() ? 0 : response.received_bytes(0);
@@ -279,7 +282,7 @@ absl::StatusOr<v1::Job> IsomatchClient::SendCreateJob(
     const v1::CreateJobRequest& request, const std::stop_token& stop) {
   v1::CreateJobResponse response;
   // Not cut short by `stop`: without the name the job could not be cancelled.
-  Backoff backoff(stop);
+  Backoff backoff(stop, patience_);
   absl::Status status;
   do {
     grpc::ClientContext context;
@@ -294,7 +297,7 @@ absl::StatusOr<v1::Job> IsomatchClient::Watch(const std::string& name,
                                               const std::stop_token& stop) {
   v1::WatchJobRequest request;
   request.set_name(name);
-  Backoff backoff(stop);
+  Backoff backoff(stop, patience_);
   absl::Status status;
   do {
     StoppableContext context(stop);
@@ -336,9 +339,10 @@ absl::StatusOr<v1::Job> IsomatchClient::GetJob(const std::string& name,
   v1::GetJobRequest request;
   request.set_name(name);
   v1::GetJobResponse response;
-  ISOMATCH_RETURN_IF_ERROR(Retry(stop, [&](grpc::ClientContext* context) {
-    return stub_->GetJob(context, request, &response);
-  }));
+  ISOMATCH_RETURN_IF_ERROR(
+      Retry(stop, patience_, [&](grpc::ClientContext* context) {
+        return stub_->GetJob(context, request, &response);
+      }));
   return response.job();
 }
 
@@ -353,9 +357,10 @@ absl::StatusOr<std::vector<v1::Job>> IsomatchClient::ListJobs(
     request.set_page_size(static_cast<std::uint32_t>(
         std::min(kPageSize, query.limit - jobs.size())));
     v1::ListJobsResponse response;
-    ISOMATCH_RETURN_IF_ERROR(Retry(stop, [&](grpc::ClientContext* context) {
-      return stub_->ListJobs(context, request, &response);
-    }));
+    ISOMATCH_RETURN_IF_ERROR(
+        Retry(stop, patience_, [&](grpc::ClientContext* context) {
+          return stub_->ListJobs(context, request, &response);
+        }));
     jobs.insert(jobs.end(), response.jobs().begin(), response.jobs().end());
     request.set_page_token(response.next_page_token());
   } while (!request.page_token().empty() && jobs.size() < query.limit);
@@ -367,9 +372,10 @@ absl::StatusOr<v1::Job> IsomatchClient::CancelJob(const std::string& name,
   v1::CancelJobRequest request;
   request.set_name(name);
   v1::CancelJobResponse response;
-  ISOMATCH_RETURN_IF_ERROR(Retry(stop, [&](grpc::ClientContext* context) {
-    return stub_->CancelJob(context, request, &response);
-  }));
+  ISOMATCH_RETURN_IF_ERROR(
+      Retry(stop, patience_, [&](grpc::ClientContext* context) {
+        return stub_->CancelJob(context, request, &response);
+      }));
   return response.job();
 }
 
@@ -378,7 +384,7 @@ absl::Status IsomatchClient::DeleteJob(const std::string& name,
   v1::DeleteJobRequest request;
   request.set_name(name);
   v1::DeleteJobResponse response;
-  return Retry(stop, [&](grpc::ClientContext* context) {
+  return Retry(stop, patience_, [&](grpc::ClientContext* context) {
     return stub_->DeleteJob(context, request, &response);
   });
 }
@@ -410,7 +416,7 @@ absl::StatusOr<IsomatchClient::DownloadedPart> IsomatchClient::Download(
   request.set_name(name);
   request.set_part(part);
   DownloadedPart downloaded;
-  Backoff backoff(stop);
+  Backoff backoff(stop, patience_);
   absl::Status status;
   do {
     StoppableContext context(stop);

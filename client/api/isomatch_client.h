@@ -14,6 +14,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "absl/time/time.h"
 #include "client/api/match_request.h"
 #include "core/base/vertex_index.h"
 #include "core/io/result_bytes.h"
@@ -61,11 +62,12 @@ using JobCallback = std::function<void(const v1::Job&)>;
 
 /// Talks to an Isomatch server over a channel (see connection.h).
 ///
-/// Calls that end with UNAVAILABLE are repeated with growing pauses, about ten
-/// seconds in all; each message received starts the count anew. Only the first
-/// call, which asks for the server's limits, has no more than three. Uploads,
-/// watches and downloads go on where they were lost. When `stop` is requested
-/// a call returns CANCELLED.
+/// Calls that end with UNAVAILABLE are repeated with growing pauses for
+/// `patience` in all; each message received starts the count anew. Only the
+/// first call, which asks for the server's limits, has no more than three
+/// seconds, unless `patience` is longer than kPatience. Uploads, watches and
+/// downloads go on where they were lost. When `stop` is requested a call
+/// returns CANCELLED.
 ///
 /// Errors of each call: NOT_FOUND, FAILED_PRECONDITION, RESOURCE_EXHAUSTED,
 /// UNAUTHENTICATED, PERMISSION_DENIED, INTERNAL as the server says;
@@ -74,9 +76,13 @@ using JobCallback = std::function<void(const v1::Job&)>;
 /// Thread-safe.
 class IsomatchClient {
  public:
-  explicit IsomatchClient(const std::shared_ptr<grpc::Channel>& channel);
+  static constexpr absl::Duration kPatience = absl::Seconds(10);
 
-  /// UNAVAILABLE after about three seconds without an answer.
+  explicit IsomatchClient(const std::shared_ptr<grpc::Channel>& channel,
+                          absl::Duration patience = kPatience);
+
+  /// UNAVAILABLE after about three seconds without an answer, or a longer
+  /// `patience`.
   absl::StatusOr<v1::GetServerInfoResponse> GetServerInfo(
       const std::stop_token& stop = {});
 
@@ -156,6 +162,7 @@ class IsomatchClient {
                                           const std::stop_token& stop);
 
   std::unique_ptr<v1::CorrespondenceService::Stub> stub_;
+  absl::Duration patience_;
 };
 
 }  // namespace isomatch

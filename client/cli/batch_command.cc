@@ -141,29 +141,28 @@ absl::Status RunBatch(const BatchArguments& arguments,
   BatchOptions options = arguments.options;
   options.parallel = arguments.parallel;
   std::unique_ptr<Server> embedded;
-  std::shared_ptr<grpc::Channel> channel;
+  std::optional<IsomatchClient> client;
   if (arguments.connection.server.empty()) {
     if (options.parallel == 0) options.parallel = Cores();
     options.job.threads = ThreadsHere(options.job.threads);
     ISOMATCH_ASSIGN_OR_RETURN(
         embedded, StartEmbeddedServer(options.parallel, options.job.threads));
-    channel = embedded->InProcessChannel();
+    client.emplace(embedded->InProcessChannel());
   } else {
     ISOMATCH_ASSIGN_OR_RETURN(
         const RemoteServer server,
         RemoteServer::Open(arguments.connection, terminal));
-    channel = server.channel();
-    const auto info = IsomatchClient(channel).GetServerInfo(terminal.stop);
+    client = server.client();
+    const auto info = client->GetServerInfo(terminal.stop);
     if (!info.ok()) return server.Explain(info.status());
     // One more than run, so that the next pair is there when one ends.
     if (options.parallel == 0) {
       options.parallel = static_cast<int>(info->workers()) + 1;
     }
   }
-  IsomatchClient client(channel);
   ProgressLine line(terminal.err, ProgressStyleFor(terminal.is_interactive,
                                                    arguments.no_progress));
-  BatchRunner runner(&client, options, [&](const BatchProgress& progress) {
+  BatchRunner runner(&*client, options, [&](const BatchProgress& progress) {
     line.Show(NewsOf(progress));
   });
   const std::vector<BatchRow> rows = runner.Run(pairs, terminal.stop);

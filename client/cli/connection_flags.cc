@@ -131,14 +131,23 @@ void AddConnectionFlags(CLI::App* command, ConnectionFlags* flags,
                        "File with your API key in one line; without it the "
                        "environment's ISOMATCH_API_KEY is taken")
           ->type_name(kFile);
-  SetGroup(
-      command, kServerGroup,
-      {"--server", "--tls-ca", "--tls-cert", "--tls-key", "--api-key-file"});
+  CLI::Option* patience =
+      command
+          ->add_option("--patience", flags->patience,
+                       "How long to try again while the server is away; one "
+                       "that never answered has 3 s, unless this is longer "
+                       "than 10 s")
+          ->type_name("DURATION")
+          ->capture_default_str();
+  SetGroup(command, kServerGroup,
+           {"--server", "--tls-ca", "--tls-cert", "--tls-key", "--api-key-file",
+            "--patience"});
   if (use == ServerUse::kNeeded) {
     server->capture_default_str();
   } else {
     ca->needs(server);
     api_key->needs(server);
+    patience->needs(server);
   }
 }
 
@@ -155,6 +164,17 @@ absl::StatusOr<ConnectionSecurity> LoadSecurity(const ConnectionFlags& flags,
   ISOMATCH_ASSIGN_OR_RETURN(security.api_key,
                             ChooseKey(flags, environment_key));
   return security;
+}
+
+absl::StatusOr<absl::Duration> ParsePatience(const ConnectionFlags& flags) {
+  absl::Duration duration;
+  if (absl::ParseDuration(flags.patience, &duration) &&
+      duration >= absl::ZeroDuration() && duration < absl::InfiniteDuration()) {
+    return duration;
+  }
+  return absl::InvalidArgumentError(
+      absl::StrCat("--patience is '", flags.patience,
+                   "', expected a duration, e.g. 0s, 30s or 10m"));
 }
 
 std::vector<std::string> SecurityWarnings(const ConnectionFlags& flags,

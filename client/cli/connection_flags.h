@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "absl/time/time.h"
 #include "client/api/connection.h"
 
 namespace CLI {
@@ -19,6 +20,7 @@ struct ConnectionFlags {
   std::string tls_cert;
   std::string tls_key;
   std::string api_key_file;
+  std::string patience = "10s";
 };
 
 /// Where a server listens when nothing else is said.
@@ -43,6 +45,10 @@ void AddConnectionFlags(CLI::App* command, ConnectionFlags* flags,
 /// has not one key. No message has any of a key.
 absl::StatusOr<ConnectionSecurity> LoadSecurity(const ConnectionFlags& flags,
                                                 const char* environment_key);
+
+/// How long calls are repeated while the server is away. INVALID_ARGUMENT: it
+/// is no duration.
+absl::StatusOr<absl::Duration> ParsePatience(const ConnectionFlags& flags);
 
 /// What the user should know: a key that travels unencrypted to another
 /// machine.

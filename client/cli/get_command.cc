@@ -62,7 +62,7 @@ absl::Status RunGet(const GetArguments& arguments, const Terminal& terminal) {
   ISOMATCH_ASSIGN_OR_RETURN(
       const RemoteServer server,
       RemoteServer::Contact(arguments.connection, terminal));
-  IsomatchClient client(server.channel());
+  IsomatchClient client = server.client();
   const absl::StatusOr<v1::Job> job = FindJob(arguments, client, terminal);
   if (!job.ok()) return server.Explain(job.status());
   if (!HasFiles(arguments.outputs)) {

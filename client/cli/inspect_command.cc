@@ -61,7 +61,7 @@ absl::StatusOr<v1::GetServerInfoResponse> AskServer(
   ISOMATCH_ASSIGN_OR_RETURN(const RemoteServer server,
                             RemoteServer::Open(connection, terminal));
   absl::StatusOr<v1::GetServerInfoResponse> info =
-      IsomatchClient(server.channel()).GetServerInfo(terminal.stop);
+      server.client().GetServerInfo(terminal.stop);
   if (info.ok()) return info;
   return server.Explain(info.status());
 }

@@ -76,8 +76,7 @@ absl::Status RunWatch(const WatchArguments& arguments,
     if (arguments.json) terminal.out << ToJsonLine(job) << std::flush;
   };
   const absl::StatusOr<v1::Job> job =
-      IsomatchClient(server.channel())
-          .Watch(FullJobName(arguments.job), show, terminal.stop);
+      server.client().Watch(FullJobName(arguments.job), show, terminal.stop);
   if (!job.ok()) return server.Explain(job.status());
   ISOMATCH_RETURN_IF_ERROR(OutcomeOf(*job));
   if (!arguments.json) {
@@ -109,7 +108,7 @@ absl::Status RunList(const ListArguments& arguments, const Terminal& terminal) {
       const RemoteServer server,
       RemoteServer::Contact(arguments.connection, terminal));
   const absl::StatusOr<std::vector<v1::Job>> jobs =
-      IsomatchClient(server.channel()).ListJobs(query, terminal.stop);
+      server.client().ListJobs(query, terminal.stop);
   if (!jobs.ok()) return server.Explain(jobs.status());
   if (!arguments.names && !arguments.json) {
     return Print(FormatJobs(*jobs, absl::Now()), terminal);
@@ -135,7 +134,7 @@ absl::Status ForEachJob(const JobsArguments& arguments,
   ISOMATCH_ASSIGN_OR_RETURN(
       const RemoteServer server,
       RemoteServer::Contact(arguments.connection, terminal));
-  IsomatchClient client(server.channel());
+  IsomatchClient client = server.client();
   absl::Status first;
   for (const std::string& word : arguments.jobs) {
     const absl::Status status = call(client, FullJobName(word));
@@ -185,7 +184,7 @@ absl::Status RunInfo(const InfoArguments& arguments, const Terminal& terminal) {
   ISOMATCH_ASSIGN_OR_RETURN(const RemoteServer server,
                             RemoteServer::Open(arguments.connection, terminal));
   const absl::StatusOr<v1::GetServerInfoResponse> info =
-      IsomatchClient(server.channel()).GetServerInfo(terminal.stop);
+      server.client().GetServerInfo(terminal.stop);
   if (!info.ok()) return server.Explain(info.status());
   return Print(arguments.json ? ToJsonLine(*info) : FormatServerInfo(*info),
                terminal);

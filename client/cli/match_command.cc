@@ -74,13 +74,14 @@ struct MatchArguments {
   bool is_summary = false;
 };
 
-absl::StatusOr<MatchResult> RequestMatch(
-    const std::shared_ptr<grpc::Channel>& channel, const MatchRequest& request,
-    const MatchArguments& arguments, const Terminal& terminal) {
+absl::StatusOr<MatchResult> RequestMatch(IsomatchClient client,
+                                         const MatchRequest& request,
+                                         const MatchArguments& arguments,
+                                         const Terminal& terminal) {
   ProgressDisplay display(
       terminal.err,
       ProgressStyleFor(terminal.is_interactive, arguments.no_progress));
-  return IsomatchClient(channel).Match(
+  return client.Match(
       request, [&](const v1::Job& job) { display.Show(job); }, terminal.stop);
 }
 
@@ -89,7 +90,7 @@ absl::StatusOr<MatchResult> RunRemote(const MatchRequest& request,
                                       const MatchArguments& arguments,
                                       const Terminal& terminal) {
   absl::StatusOr<MatchResult> result =
-      RequestMatch(server.channel(), request, arguments, terminal);
+      RequestMatch(server.client(), request, arguments, terminal);
   if (result.ok()) return result;
   return server.Explain(result.status());
 }
@@ -100,7 +101,8 @@ absl::StatusOr<MatchResult> RunEmbedded(const MatchRequest& request,
   ISOMATCH_ASSIGN_OR_RETURN(const std::unique_ptr<Server> server,
                             StartEmbeddedServer(
                                 /*workers=*/1, arguments.job.threads));
-  return RequestMatch(server->InProcessChannel(), request, arguments, terminal);
+  return RequestMatch(IsomatchClient(server->InProcessChannel()), request,
+                      arguments, terminal);
 }
 
 // For a terminal that got no map.

@@ -7,7 +7,6 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "client/api/connection.h"
-#include "client/api/isomatch_client.h"
 #include "client/api/rpc_status.h"
 #include "core/base/status_macros.h"
 
@@ -44,15 +43,17 @@ absl::StatusOr<RemoteServer> RemoteServer::Open(const ConnectionFlags& flags,
   ISOMATCH_ASSIGN_OR_RETURN(
       const ConnectionSecurity security,
       LoadSecurity(flags, std::getenv("ISOMATCH_API_KEY")));
+  ISOMATCH_ASSIGN_OR_RETURN(const absl::Duration patience,
+                            ParsePatience(flags));
   Warn(SecurityWarnings(flags, security), terminal);
-  return RemoteServer(flags.server, ConnectTo(flags.server, security));
+  return RemoteServer(flags.server, ConnectTo(flags.server, security),
+                      patience);
 }
 
 absl::StatusOr<RemoteServer> RemoteServer::Contact(const ConnectionFlags& flags,
                                                    const Terminal& terminal) {
   ISOMATCH_ASSIGN_OR_RETURN(RemoteServer server, Open(flags, terminal));
-  const auto info =
-      IsomatchClient(server.channel()).GetServerInfo(terminal.stop);
+  const auto info = server.client().GetServerInfo(terminal.stop);
   if (!info.ok()) return server.Explain(info.status());
   return server;
 }

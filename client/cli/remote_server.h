@@ -2,11 +2,14 @@
 
 #include <memory>
 #include <string>
+#include <utility>
 
 #include <grpcpp/channel.h>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "absl/time/time.h"
+#include "client/api/isomatch_client.h"
 #include "client/cli/connection_flags.h"
 #include "client/cli/terminal.h"
 
@@ -26,18 +29,23 @@ class RemoteServer {
   static absl::StatusOr<RemoteServer> Contact(const ConnectionFlags& flags,
                                               const Terminal& terminal);
 
-  const std::shared_ptr<grpc::Channel>& channel() const { return channel_; }
+  /// A client of it that has the patience of the flags.
+  IsomatchClient client() const { return IsomatchClient(channel_, patience_); }
 
   /// Returns what a call ended with, in the words of the flags: which server
   /// did not answer, which flag would have brought the missing key.
   absl::Status Explain(const absl::Status& status) const;
 
  private:
-  RemoteServer(std::string address, std::shared_ptr<grpc::Channel> channel)
-      : address_(std::move(address)), channel_(std::move(channel)) {}
+  RemoteServer(std::string address, std::shared_ptr<grpc::Channel> channel,
+               absl::Duration patience)
+      : address_(std::move(address)),
+        channel_(std::move(channel)),
+        patience_(patience) {}
 
   std::string address_;
   std::shared_ptr<grpc::Channel> channel_;
+  absl::Duration patience_;
 };
 
 }  // namespace isomatch

@@ -68,7 +68,7 @@ absl::Status RunSubmit(const SubmitArguments& arguments,
   }
   Warn(warnings, terminal);
   const absl::StatusOr<v1::Job> job =
-      IsomatchClient(server.channel()).Submit(request, terminal.stop);
+      server.client().Submit(request, terminal.stop);
   if (!job.ok()) return InFlagWords(server.Explain(job.status()));
   return Print(arguments.json ? ToJsonLine(*job) : job->name() + "\n",
                terminal);
@@ -100,7 +100,7 @@ absl::Status RunUpload(const UploadArguments& arguments,
                        const Terminal& terminal) {
   ISOMATCH_ASSIGN_OR_RETURN(const RemoteServer server,
                             RemoteServer::Open(arguments.connection, terminal));
-  IsomatchClient client(server.channel());
+  IsomatchClient client = server.client();
   for (const std::string& path : arguments.meshes) {
     ISOMATCH_ASSIGN_OR_RETURN(const LoadedMesh loaded,
                               LoadMeshFile(path, "MESH", arguments.weld));

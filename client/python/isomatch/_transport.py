@@ -25,6 +25,7 @@ _LONGEST_PAUSE_SECONDS = 2.0
 # Of one attempt.
 _CALL_SECONDS = 60.0
 _FIRST_CALL_SECONDS = 3.0
+_LONGEST_UNSURE_PATIENCE = 10.0
 
 # gRPC's details of a call that its own application cancels.
 _CANCELLED_HERE = "Locally cancelled by application!"
@@ -141,13 +142,18 @@ class Transport:
             time.sleep(pause)
 
     def first_call(self, rpc: Any, request: Any) -> Any:
-        """As call, but soon given up: the address may be wrong."""
-        backoff = Backoff(min(self.patience, _FIRST_CALL_SECONDS))
+        """As call, but soon given up, as the address may be wrong, unless the
+        patience is longer than it is by default.
+        """
+        seconds = self.patience
+        if seconds <= _LONGEST_UNSURE_PATIENCE:
+            seconds = min(seconds, _FIRST_CALL_SECONDS)
+        backoff = Backoff(seconds)
         try:
             while True:
                 try:
-                    seconds = _FIRST_CALL_SECONDS
-                    return rpc(request, metadata=self.metadata, timeout=seconds)
+                    timeout = max(seconds, _FIRST_CALL_SECONDS)
+                    return rpc(request, metadata=self.metadata, timeout=timeout)
                 except grpc.RpcError as error:
                     pause = backoff.pause_after(from_rpc(error))
                 time.sleep(pause)

@@ -49,7 +49,8 @@ class Client:
     tls_ca: PEM file that the server's certificate is checked with; encrypts.
     tls_cert, tls_key: PEM files of a certificate of one's own.
     api_key: the key itself; by default the environment's ISOMATCH_API_KEY.
-    patience: seconds to try again while the server is away.
+    patience: seconds to try again while the server is away; one that never
+      answered has 3, unless this is more than 10.
     """
 
     def __init__(

@@ -328,6 +328,25 @@ TEST_F(IsomatchClientTest, AServerThatStartsInAMomentIsWaitedFor) {
   EXPECT_THAT(IsomatchClient(ConnectTo(config.listen)).GetServerInfo(), IsOk());
 }
 
+TEST_F(IsomatchClientTest, PatienceIsWhatTheCallerHas) {
+  ServerConfig config = TestConfig();
+  config.listen = server_->address();
+  server_.reset();
+  const absl::Time begin = absl::Now();
+  EXPECT_THAT(IsomatchClient(ConnectTo(config.listen), absl::ZeroDuration())
+                  .GetServerInfo(),
+              StatusIs(absl::StatusCode::kUnavailable, HasSubstr("within 0")));
+  EXPECT_LT(absl::Now() - begin, absl::Seconds(2));
+  // Longer than a server that never answered has by default.
+  const std::jthread starter([&] {
+    absl::SleepFor(absl::Seconds(4));
+    Restart(config);
+  });
+  EXPECT_THAT(IsomatchClient(ConnectTo(config.listen), absl::Seconds(30))
+                  .GetServerInfo(),
+              IsOk());
+}
+
 TEST_F(IsomatchClientTest, ALatecomerIsWaitedFor) {
   proxy_->CutAfter(TcpProxy::kToServer, 1);
   const MatchRequest request = SmallPair();

@@ -26,8 +26,10 @@ constexpr char kKey[] =
 
 class ConnectionFlagsTest : public testing::Test {
  protected:
+  ConnectionFlagsTest() { flags_.server = "meshes.example.org:7443"; }
+
   const TemporaryFolder folder_;
-  ConnectionFlags flags_{"meshes.example.org:7443", "", "", "", ""};
+  ConnectionFlags flags_;
 };
 
 TEST_F(ConnectionFlagsTest, FilesAreReadAndAKeysFileHasComments) {
@@ -90,6 +92,22 @@ TEST_F(ConnectionFlagsTest, ANameThatBeginsAsLoopbackIsAnotherMachine) {
   flags_.server = "127.evil.example:7443";
   EXPECT_THAT(SecurityWarnings(flags_, security),
               ElementsAre(HasSubstr("unencrypted")));
+}
+
+TEST_F(ConnectionFlagsTest, PatienceIsADurationWithAUnit) {
+  EXPECT_EQ(*ParsePatience(flags_), absl::Seconds(10));
+  flags_.patience = "0s";
+  EXPECT_EQ(*ParsePatience(flags_), absl::ZeroDuration());
+  flags_.patience = "1m30s";
+  EXPECT_EQ(*ParsePatience(flags_), absl::Seconds(90));
+  for (const char* text : {"", "5", "-1s", "inf", "soon"}) {
+    flags_.patience = text;
+    EXPECT_THAT(
+        ParsePatience(flags_),
+        StatusIs(kInvalid, HasSubstr("--patience is '" + std::string(text) +
+                                     "', expected")))
+        << text;
+  }
 }
 
 TEST(ConnectionCommandTest, FlagsThatLackAnotherExitWith2) {
