@@ -2,10 +2,15 @@
 
 #include <sys/resource.h>
 
+#include <algorithm>
 #include <csignal>
+#include <cstddef>
 #include <fstream>
 #include <limits>
+#include <memory>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include <SQLiteCpp/SQLiteCpp.h>
 #include <gmock/gmock.h>
@@ -13,12 +18,64 @@
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/sha256.h"
 #include "server/storage/job_record_codec.h"
+#include "server/storage/memory_job_store.h"
+#include "tests/server/storage/job_store_conformance.h"
 #include "tests/support/matchers.h"
 #include "tests/support/temporary_folder.h"
 
 namespace isomatch {
 namespace {
+
+/// The embedded server's store on a file. In the end what a next process finds
+/// is what the store had.
+class KeptSqliteJobStore : public KeptJobStore {
+ public:
+  KeptSqliteJobStore() { EXPECT_THAT(Open().records, testing::IsEmpty()); }
+
+  ~KeptSqliteJobStore() override {
+    const std::vector<JobRecord> had = *store_->List({.limit = 1000});
+    store_.reset();
+    journal_.reset();
+    std::vector<JobRecord> found = Open().records;
+    std::reverse(found.begin(), found.end());  // List has the newest first
+    EXPECT_EQ(IdsOf(found), IdsOf(had));
+    for (std::size_t i = 0; i < std::min(found.size(), had.size()); ++i) {
+      EXPECT_EQ(found[i].state, had[i].state);
+      EXPECT_EQ(found[i].labels, had[i].labels);
+      EXPECT_EQ(found[i].number, had[i].number);
+    }
+  }
+
+  JobStore& store() override { return *store_; }
+  std::string Put(const std::string&, const std::string& bytes) override {
+    return Sha256Hex(bytes);
+  }
+
+ private:
+  SqliteJournal::Contents Open() {
+    auto journal = SqliteJournal::Open(folder_.Path("jobs.sqlite"));
+    EXPECT_THAT(journal, IsOk());
+    journal_ = *std::move(journal);
+    auto contents = journal_->Load();
+    EXPECT_THAT(contents, IsOk());
+    store_ = std::make_unique<MemoryJobStore>(
+        contents->records, journal_.get(),
+        [](const absl::Status& error) { EXPECT_THAT(error, IsOk()); });
+    return *std::move(contents);
+  }
+
+  const TemporaryFolder folder_;
+  std::unique_ptr<SqliteJournal> journal_;
+  std::unique_ptr<MemoryJobStore> store_;
+};
+
+INSTANTIATE_TEST_SUITE_P(Sqlite, JobStoreTest,
+                         testing::Values(JobStoreKind{
+                             "Sqlite", [] {
+                               return std::make_unique<KeptSqliteJobStore>();
+                             }}));
 
 using testing::_;
 using testing::HasSubstr;
