@@ -69,6 +69,15 @@ void LogStuck(const JobRecord& job) {
        {"state", JobStateName(job.state)}});
 }
 
+void LogDatabase(const absl::Status& database) {
+  if (database.ok()) {
+    Log(LogLevel::kInfo, "the database can be used again");
+  } else {
+    Log(LogLevel::kError,
+        absl::StrCat("the database cannot be used: ", database.message()));
+  }
+}
+
 void LogStorage(const absl::Status& storage) {
   if (storage.ok()) {
     Log(LogLevel::kInfo, "results can be stored again, waiting jobs start");

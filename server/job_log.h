@@ -16,4 +16,7 @@ void LogStuck(const JobRecord& job);
 /// Logs why results cannot be stored; with OK that they can again.
 void LogStorage(const absl::Status& storage);
 
+/// Logs why the database cannot be used; with OK that it can again.
+void LogDatabase(const absl::Status& database);
+
 }  // namespace isomatch

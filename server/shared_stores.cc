@@ -19,10 +19,10 @@ namespace {
 /// Of downloads that several clients ask for.
 constexpr std::int64_t kBlobCacheBytes = std::int64_t{64} << 20;
 
-/// Threads that ask the database at the same time: those of intake, changes,
-/// disk, cluster and reads, and the workers.
+/// Threads that ask the database at the same time: those of intake (2), changes
+/// (2), disk (2), upkeep (1), cluster (5) and reads (8), and the workers.
 int Connections(const ServerConfig& config) {
-  constexpr int kOthers = 16;
+  constexpr int kOthers = 20;
   return kOthers + (config.runs_jobs() ? config.workers : 0);
 }
 

@@ -1,5 +1,6 @@
 #include "server/jobs/cluster_member.h"
 
+#include <algorithm>
 #include <utility>
 #include <vector>
 
@@ -33,6 +34,8 @@ constexpr absl::Duration kToldAge = absl::Seconds(15);
 }  // namespace
 
 void ClusterMember::Begin() {
+  // The others may not have reached the store either until now.
+  silent_ = environment_.uptime();
   Renew();
   Follow();
   Take();
@@ -83,10 +86,29 @@ ClusterView ClusterMember::view() const {
 
 void ClusterMember::Hear(const absl::Status& answer) {
   const absl::Duration now = environment_.uptime();
-  MutexLock lock(mutex_);
   // Other errors are answers.
-  answer_ = absl::IsUnavailable(answer) ? answer : absl::OkStatus();
-  if (answer_.ok()) answered_ = now;
+  const absl::Status heard =
+      absl::IsUnavailable(answer) ? answer : absl::OkStatus();
+  bool is_news = false;
+  {
+    MutexLock lock(mutex_);
+    is_news = heard.ok() != answer_.ok();
+    answer_ = heard;
+    if (heard.ok()) answered_ = now;
+  }
+  if (is_news) environment_.on_database(heard);
+}
+
+void ClusterMember::HearVersion(const absl::Status& version) {
+  if (!version.ok() && !absl::IsFailedPrecondition(version)) return;
+  scheduler_.LetClaim(version.ok());
+  bool is_news = false;
+  {
+    MutexLock lock(mutex_);
+    is_news = version.ok() != version_.ok();
+    version_ = version;
+  }
+  if (is_news) environment_.on_database(version);
 }
 
 void ClusterMember::Again(Executor::Timer& timer, absl::Duration pause,
@@ -106,7 +128,11 @@ void ClusterMember::Renew() {
     const auto lost = environment_.shared->Renew(jobs, environment_.lease);
     Hear(lost.status());
     if (lost.ok()) {
-      for (const std::string& id : *lost) OnLost(id);
+      for (const LeasedJob& job : jobs) {
+        if (std::find(lost->begin(), lost->end(), job.id) != lost->end()) {
+          OnLost(job.id, job.claim);
+        }
+      }
       renewed_ = now;
     }
   }
@@ -126,14 +152,14 @@ void ClusterMember::Renew() {
   Again(renew_timer_, kRenewInterval, &ClusterMember::Renew);
 }
 
-void ClusterMember::OnLost(const std::string& id) {
+void ClusterMember::OnLost(const std::string& id, std::uint64_t claim) {
   RunningJobs& runs = scheduler_.runs();
+  if (runs.ClaimOf(id) != claim) return;  // over, or claimed here again
   const bool was_asked = runs.WasAskedToStop(id);
   scheduler_.AskToStop(id);
   if (was_asked) return;  // the others or this process know why
-  const std::uint64_t claim = runs.ClaimOf(id);
   const auto job = lifecycle_.Read(id);
-  if (!job.ok() || claim == 0) return;
+  if (!job.ok()) return;
   // It may have ended here or been cancelled, or by now be claimed here again.
   const bool had_expired =
       environment_.uptime() - renewed_ > environment_.lease;
@@ -188,9 +214,9 @@ void ClusterMember::Observe() {
   const std::int64_t stored_bytes = environment_.blobs->size_bytes();
   const absl::Duration now = environment_.uptime();
   Hear(figures.status());
+  HearVersion(version);
   {
     MutexLock lock(mutex_);
-    if (version.ok() || absl::IsFailedPrecondition(version)) version_ = version;
     if (queue.ok() && workers.ok() && figures.ok()) {
       told_ = {*queue, static_cast<int>(workers->size()), *figures,
                stored_bytes};

@@ -84,8 +84,10 @@ class ClusterMember {
   void Observe();
   /// Remembers whether the store has answered.
   void Hear(const absl::Status& answer);
-  /// A job that runs here is not this process's own any more.
-  void OnLost(const std::string& id);
+  /// The same of its version: no job is taken from one that is too new.
+  void HearVersion(const absl::Status& version);
+  /// A job that runs here by this claim is not this process's own any more.
+  void OnLost(const std::string& id, std::uint64_t claim);
   void TakeBackExpired();
   void EndOverdue();
   void EndUnwatched();

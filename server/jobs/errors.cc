@@ -30,6 +30,15 @@ constexpr absl::Duration kRetryStorageQuota = absl::Seconds(10);
 using Metadata =
     std::initializer_list<std::pair<absl::string_view, std::string>>;
 
+/// What callers may know of it: not where the database is. (The log says it.)
+std::string ForCallers(const absl::Status& problem) {
+  if (absl::IsUnavailable(problem) &&
+      absl::StartsWith(problem.message(), "database: ")) {
+    return "its database does not answer";
+  }
+  return std::string(problem.message());
+}
+
 absl::Status Make(absl::StatusCode code, absl::string_view reason,
                   const std::string& message, Metadata metadata = {}) {
   absl::Status status(code, message);
@@ -195,7 +204,7 @@ absl::Status StorageFailed(const absl::Status& problem) {
                                     : absl::StatusCode::kUnavailable;
   return WithRetry(Make(code, kStorageFailed,
                         absl::StrCat("the server cannot store the job: ",
-                                     problem.message())),
+                                     ForCallers(problem))),
                    kRetryStorageFailed);
 }
 
@@ -203,7 +212,7 @@ absl::Status StorageSilent(const absl::Status& problem) {
   return WithRetry(
       Make(absl::StatusCode::kUnavailable, kStorageFailed,
            absl::StrCat("the server cannot read its jobs just now: ",
-                        problem.message())),
+                        ForCallers(problem))),
       kRetryStorageSilent);
 }
 

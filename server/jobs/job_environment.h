@@ -134,6 +134,10 @@ struct JobEnvironment {
   /// Told why results cannot be stored, then OK when they can again.
   std::function<void(const absl::Status&)> on_storage =
       [](const absl::Status&) {};
+  /// Told why the database that is shared cannot be used, then OK when it can
+  /// again.
+  std::function<void(const absl::Status&)> on_database =
+      [](const absl::Status&) {};
   /// Told of each worker that does not come back.
   std::function<void(const JobRecord&)> on_stuck = [](const JobRecord&) {};
   /// Told why the process should end and start again. Empty where it cannot.

@@ -233,6 +233,7 @@ bool JobExecution::WaitForStorage(LiveJob& live, const Progress& progress,
         }
         --now.attempt;  // it was not the job's fault
         now.hold = HoldAfter(live.times_held);
+        now.unreadable = live.unreadable;
         return absl::OkStatus();
       });
   return moved.ok();

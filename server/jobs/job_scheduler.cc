@@ -18,6 +18,9 @@ namespace {
 constexpr absl::Duration kFirstHold = absl::Seconds(1);
 constexpr absl::Duration kLongestHold = absl::Seconds(30);
 
+/// Between attempts to write to a store that is asked all the time anyway.
+constexpr absl::Duration kLongestPauseOfShared = absl::Seconds(2);
+
 }  // namespace
 
 absl::Duration HoldAfter(int times_held) {
@@ -51,7 +54,9 @@ StorageGate::Environment JobScheduler::MakeGateEnvironment() {
             // Else the log misses it.
             IfThereIsMemory([&] { environment_.on_storage(storage); });
             if (storage.ok()) Dispatch();
-          }};
+          },
+      .longest_pause =
+          is_shared() ? kLongestPauseOfShared : StorageGate::kLongestPause};
 }
 
 // Asking.
@@ -110,7 +115,11 @@ JobSnapshot JobScheduler::SnapshotOf(JobRecord record) const {
   if (snapshot.record.state != JobState::kQueued) return snapshot;
   if (is_shared()) {
     snapshot.queue_position = shared_queue_.PositionOf(snapshot.record.id);
-    if (snapshot.record.is_held) snapshot.waiting_for = WaitReason::kInputs;
+    if (snapshot.record.is_held) {
+      snapshot.waiting_for = snapshot.record.unreadable > 0
+                                 ? WaitReason::kInputs
+                                 : WaitReason::kStorage;
+    }
     return snapshot;
   }
   if (!gate_.is_open()) snapshot.waiting_for = WaitReason::kStorage;
@@ -248,17 +257,34 @@ std::shared_ptr<LiveJob> JobScheduler::TakeNext() {
   return live;
 }
 
+void JobScheduler::LetClaim(bool may_claim) {
+  MutexLock lock(mutex_);
+  may_claim_ = may_claim;
+}
+
 std::shared_ptr<LiveJob> JobScheduler::ClaimNext() {
   {
     MutexLock lock(mutex_);
-    if (draining_ || !gate_.is_open() || !has_free_worker()) return nullptr;
+    if (draining_ || !may_claim_ || !gate_.is_open() || !has_free_worker()) {
+      return nullptr;
+    }
     ++running_;  // a place for it
   }
-  std::shared_ptr<LiveJob> live = shared_queue_.Claim();
-  MutexLock lock(mutex_);
-  if (live == nullptr) {
+  const auto give_place_back = [this] {
     --running_;
     idle_.NotifyAll();
+  };
+  std::shared_ptr<LiveJob> live;
+  try {
+    live = shared_queue_.Claim();
+  } catch (const std::bad_alloc&) {
+    MutexLock lock(mutex_);
+    give_place_back();
+    throw;
+  }
+  MutexLock lock(mutex_);
+  if (live == nullptr) {
+    give_place_back();
     return nullptr;
   }
   live_[live->id] = live;

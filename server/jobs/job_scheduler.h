@@ -124,6 +124,9 @@ class JobScheduler {
   /// inputs could not be read, or its result was too large.
   void EnqueueAgain(const LiveJob& before);
 
+  /// Whether jobs are taken from a SharedJobStore, as they are at first.
+  void LetClaim(bool may_claim);
+
   /// Starts what can start now. JobWatchdog or ClusterMember calls it too, so
   /// that nothing waits for ever where memory ended on the way here.
   void Dispatch();
@@ -229,6 +232,7 @@ class JobScheduler {
   /// Threads of the executor that runs the jobs.
   int threads_ ABSL_GUARDED_BY(mutex_);
   bool draining_ ABSL_GUARDED_BY(mutex_) = false;
+  bool may_claim_ ABSL_GUARDED_BY(mutex_) = true;
   bool is_beginning_ ABSL_GUARDED_BY(mutex_) = false;
   bool has_given_up_ ABSL_GUARDED_BY(mutex_) = false;
 };

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <new>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -48,7 +49,13 @@ std::shared_ptr<LiveJob> SharedQueue::Claim() {
       }
       is_asked_again_ = false;
     }
-    live = ClaimOne();
+    try {
+      live = ClaimOne();
+    } catch (const std::bad_alloc&) {
+      MutexLock lock(mutex_);
+      is_claiming_ = false;
+      throw;
+    }
   }
 }
 
@@ -94,6 +101,8 @@ std::shared_ptr<LiveJob> SharedQueue::ClaimOne() {
   live->tenant = record.tenant;
   live->priority = record.priority;
   live->shared_priority = record.shared_priority;
+  live->times_held = record.times_held;
+  live->unreadable = record.unreadable;
   // This attempt is counted already.
   live->memory_estimate_bytes = record.attempt <= kAloneAfter
                                     ? record.memory_estimate_bytes

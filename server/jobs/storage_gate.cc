@@ -25,7 +25,7 @@ void StorageGate::Close(const absl::Status& why) {
 
 void StorageGate::ProbeLater() {
   const absl::Duration pause = pause_;
-  pause_ = std::min(2 * pause_, kLongestPause);
+  pause_ = std::min(2 * pause_, environment_.longest_pause);
   timer_ = environment_.timers->PostAfter(pause, [this] { OnTimer(); });
 }
 

@@ -12,8 +12,8 @@
 namespace isomatch {
 
 /// Whether anything can be stored, as far as is known. Once that failed it
-/// tries a little, after 1 s, 2 s, ... up to every 30 s, until it can. One
-/// result that is too large for the disk does not close it.
+/// tries a little, after 1 s, 2 s, ... up to every 30 s or less, until it can.
+/// One result that is too large for the disk does not close it.
 ///
 /// Thread-safe. Wherever memory ends, it is tried again as long as it is
 /// closed.
@@ -31,6 +31,8 @@ class StorageGate {
     std::function<absl::Status()> probe;
     /// Told once why it closed, then OK once it is open again.
     std::function<void(const absl::Status&)> on_change;
+    /// Between attempts.
+    absl::Duration longest_pause = kLongestPause;
   };
 
   explicit StorageGate(Environment environment)

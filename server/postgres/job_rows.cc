@@ -20,7 +20,8 @@ const char kJobColumns[] =
     "coalesce(l.state, j.state), l.attempt, l.faults, "
     "(extract(epoch FROM l.started) * 1000000)::bigint, "
     "l.stage, l.stage_fraction, l.total_fraction, l.worker, l.claim, "
-    "l.not_before > now(), l.queue_deadline < 'infinity' ";
+    "l.not_before > now(), l.times_held, l.unreadable, "
+    "l.queue_deadline < 'infinity' ";
 
 const char kKeptQuery[] =
     "SELECT id, tenant, state, sequence, "
@@ -50,6 +51,8 @@ enum Column {
   kWorker,
   kClaim,
   kIsHeld,
+  kTimesHeld,
+  kUnreadable,
   kHasDeadline,
 };
 
@@ -73,6 +76,8 @@ void ReadLive(const pqxx::row& row, JobRecord& record) {
   record.worker = row[kWorker].as<std::string>();
   record.claim = row[kClaim].as<std::uint64_t>();
   record.is_held = row[kIsHeld].as<bool>();
+  record.times_held = row[kTimesHeld].as<int>();
+  record.unreadable = row[kUnreadable].as<int>();
   if (!row[kHasDeadline].as<bool>()) record.queue_timeout.reset();
 }
 
@@ -203,12 +208,13 @@ absl::Status UpdateRow(PostgresPool& pool, JobRecord& record) {
       pool.Ask(
           PostgresPool::Repeat::kNever,
           "SELECT isomatch.update_job($1, $2, $3, $4, $5, $6, $7::interval, "
-          "$8, $9, $10, $11, $12, $13::text[], $14::bytea)",
+          "$8, $9, $10, $11, $12, $13, $14::text[], $15::bytea)",
           record.id, record.sequence, record.claim,
           static_cast<int>(record.state), record.attempt, record.faults,
-          OrNull(hold), record.queue_timeout.has_value(), record.progress.stage,
-          record.progress.stage_fraction, record.progress.total_fraction,
-          ResultBytes(record), ArrayOf(DigestsOf(record.result)),
+          OrNull(hold), record.unreadable, record.queue_timeout.has_value(),
+          record.progress.stage, record.progress.stage_fraction,
+          record.progress.total_fraction, ResultBytes(record),
+          ArrayOf(DigestsOf(record.result)),
           pqxx::binarystring(is_over ? EncodeJobRecord(record)
                                      : std::string())));
   const auto sequence = rows[0][0].as<std::int64_t>();
@@ -240,7 +246,8 @@ KeptJobs KeptIn(const pqxx::result& rows, absl::Time now) {
 }
 
 std::vector<JobRecord> RemoveRows(pqxx::work& transaction,
-                                  const std::vector<std::string>& ids) {
+                                  const std::vector<std::string>& ids,
+                                  absl::Duration blob_grace) {
   const pqxx::result rows = transaction.exec_params(
       absl::StrCat("SELECT ", kJobColumns, "FROM ", kJobTables,
                    "WHERE j.id = ANY ($1::text[]) AND l.number IS NULL "
@@ -252,6 +259,14 @@ std::vector<JobRecord> RemoveRows(pqxx::work& transaction,
   for (const pqxx::row& row : rows) over.push_back(row[kId].as<std::string>());
   if (over.empty()) return {};
   const std::string array = ArrayOf(over);
+  transaction.exec_params(
+      "SELECT isomatch.remove_blobs_later(array_agg(r.tenant), "
+      "array_agg(r.sha256), $2::interval) FROM ("
+      "SELECT tenant, sha256 FROM isomatch.job_blobs "
+      "WHERE job_id = ANY ($1::text[]) UNION "
+      "SELECT tenant, inputs[1] FROM isomatch.jobs "
+      "WHERE id = ANY ($1::text[]) AND inputs <> '{}') r",
+      array, IntervalOf(blob_grace));
   transaction.exec_params(
       "DELETE FROM isomatch.job_blobs WHERE job_id = ANY ($1::text[])", array);
   transaction.exec_params(

@@ -70,9 +70,11 @@ absl::Status InsertRow(PostgresPool& pool, JobRecord& record,
 /// the job is over its references are those to its results. NOT_FOUND, ABORTED.
 absl::Status UpdateRow(PostgresPool& pool, JobRecord& record);
 
-/// Removes those of the jobs that are over, and returns what they were.
+/// Removes those of the jobs that are over, and returns what they were. Their
+/// requests and results go after `blob_grace`, unless others need them.
 std::vector<JobRecord> RemoveRows(pqxx::work& transaction,
-                                  const std::vector<std::string>& ids);
+                                  const std::vector<std::string>& ids,
+                                  absl::Duration blob_grace);
 
 /// What KeptIn reads.
 extern const char kKeptQuery[];

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
 #include "core/base/sha256.h"
 #include "core/base/status_macros.h"
 #include "server/postgres/job_rows.h"
@@ -72,6 +73,9 @@ absl::Status PostgresBlobStore::Insert(const BlobKey& key,
 
 absl::Status PostgresBlobStore::MakeRoom(const BlobKey& key, std::int64_t bytes,
                                          Room room) {
+  constexpr int kMostAttempts = 20;
+  constexpr absl::Duration kPause = absl::Milliseconds(10);
+  int attempts_in_vain = 0;
   for (;;) {
     const auto missing = pool_.Ask(
         Repeat::kOnce,
@@ -80,7 +84,12 @@ absl::Status PostgresBlobStore::MakeRoom(const BlobKey& key, std::int64_t bytes,
         IntervalOf(options_.grace));
     ISOMATCH_RETURN_IF_ERROR(BlobStorageError(missing.status()));
     const pqxx::row row = missing->front();
-    if (row[0].is_null()) {
+    const bool is_locked = !row[0].is_null() && row[0].as<std::int64_t>() < 0;
+    if (is_locked && ++attempts_in_vain < kMostAttempts) {
+      absl::SleepFor(kPause);
+      continue;
+    }
+    if (row[0].is_null() || is_locked) {
       return absl::ResourceExhaustedError(
           absl::StrCat("no room for ", bytes, " bytes of ", room.limit_bytes,
                        " beside those that are needed"));

@@ -98,7 +98,7 @@ absl::StatusOr<std::vector<JobRecord>> PostgresJobStore::List(
 absl::StatusOr<JobRecord> PostgresJobStore::Delete(const std::string& id) {
   std::vector<JobRecord> removed;
   ISOMATCH_RETURN_IF_ERROR(pool_.Run([&](pqxx::work& transaction) {
-    removed = RemoveRows(transaction, {id});
+    removed = RemoveRows(transaction, {id}, options_.blob_grace);
     return absl::OkStatus();
   }));
   if (!removed.empty()) return std::move(removed.front());
@@ -115,7 +115,7 @@ absl::StatusOr<std::vector<JobRecord>> PostgresJobStore::Prune(
   std::vector<JobRecord> removed;
   if (ids.empty()) return removed;
   ISOMATCH_RETURN_IF_ERROR(pool_.Run([&](pqxx::work& transaction) {
-    removed = RemoveRows(transaction, ids);
+    removed = RemoveRows(transaction, ids, options_.blob_grace);
     return absl::OkStatus();
   }));
   return removed;
@@ -132,7 +132,7 @@ absl::StatusOr<std::optional<JobRecord>> PostgresJobStore::Claim(
                 absl::StrCat("SELECT ", kJobColumns,
                              "FROM isomatch.claim_job($1, $2, $3, "
                              "$4::interval, $5, $6, $7, $8, $9::text[]) l "
-                             "JOIN isomatch.jobs j ON j.number = l.number"),
+                             "CROSS JOIN LATERAL isomatch.job_now(l.number) j"),
                 request.worker, request.free_bytes, request.total_bytes,
                 IntervalOf(request.lease), request.max_running_per_tenant,
                 request.max_passes, request.max_overtakes, request.alone_after,
@@ -208,8 +208,7 @@ absl::Status PostgresJobStore::KeepWatched(const std::vector<std::string>& ids,
                                            absl::Duration grace) {
   return pool_
       .Ask(Repeat::kOnce,
-           "UPDATE isomatch.live_jobs SET watched_until = now() + $2::interval "
-           "WHERE id = ANY ($1::text[]) AND watched_until < 'infinity'",
+           "SELECT isomatch.keep_watched($1::text[], $2::interval)",
            ArrayOf(ids), IntervalOf(grace))
       .status();
 }

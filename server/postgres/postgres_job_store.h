@@ -18,6 +18,9 @@ class PostgresJobStore : public SharedJobStore {
     /// How long a job that is cancelled when nobody watches it waits for its
     /// first watcher.
     absl::Duration unwatched_grace = absl::Seconds(10);
+    /// When the request and the results of a job that was removed go at the
+    /// latest.
+    absl::Duration blob_grace = absl::Minutes(10);
   };
 
   /// `pool` outlives this object. REQUIRES: CheckSchema(pool) is OK.

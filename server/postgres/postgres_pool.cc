@@ -200,14 +200,13 @@ absl::Status PostgresPool::RunAlone(const Statement& statement, Repeat repeat) {
 }
 
 absl::Status PostgresPool::Try(const Attempt& attempt) {
-  bool is_broken = false;
-  const absl::Status status = TryOnce(attempt, &is_broken);
-  if (!is_broken) return status;
-  ForgetIdle();  // they are as old
-  return TryOnce(attempt, &is_broken);
+  bool may_repeat = false;
+  const absl::Status status = TryOnce(attempt, &may_repeat);
+  if (!may_repeat) return status;
+  return TryOnce(attempt, &may_repeat);
 }
 
-absl::Status PostgresPool::TryOnce(const Attempt& attempt, bool* is_broken) {
+absl::Status PostgresPool::TryOnce(const Attempt& attempt, bool* may_repeat) {
   ISOMATCH_ASSIGN_OR_RETURN(Connection taken, Take());
   const bool is_old = taken != nullptr;
   Lease lease(this, std::move(taken));
@@ -215,7 +214,8 @@ absl::Status PostgresPool::TryOnce(const Attempt& attempt, bool* is_broken) {
   const auto unavailable = [&](const std::exception& error) {
     ++errors_;
     lease.connection().reset();
-    *is_broken = is_old && !is_done;
+    if (is_old) ForgetIdle();  // they are as old
+    *may_repeat = is_old && !is_done;
     return absl::UnavailableError(
         absl::StrCat("database: ", FirstLine(error.what())));
   };

@@ -102,8 +102,8 @@ class PostgresPool {
   using Attempt =
       std::function<absl::Status(pqxx::connection& connection, bool* is_done)>;
   absl::Status Try(const Attempt& attempt);
-  /// `is_broken`: it was not done, and the connection was not new.
-  absl::Status TryOnce(const Attempt& attempt, bool* is_broken);
+  /// `may_repeat`: it was not done, and the connection was not new.
+  absl::Status TryOnce(const Attempt& attempt, bool* may_repeat);
 
   /// While no connection can be made: one caller at a time tries, the others
   /// wait for what it finds, for a second at most.

@@ -91,19 +91,32 @@ absl::StatusOr<MemoryBudget::Reservation> ReserveRequest(
 
 /// What a request holds from its arrival until it is answered.
 struct Waiting {
+  RequestOutline outline;
   JobIntake::SeatPtr seat;
   MemoryBudget::Reservation room;
 };
+
+absl::Status TakeSeat(const ServiceContext& context, const Caller& caller,
+                      Waiting& waiting) {
+  if (waiting.outline.validate_only) return absl::OkStatus();
+  ISOMATCH_ASSIGN_OR_RETURN(
+      waiting.seat,
+      context.manager->TakeSeat(caller, waiting.outline.request_id));
+  return absl::OkStatus();
+}
+
+/// Whether that waits for a database, which gRPC's threads must not do.
+bool SeatsAreInADatabase(const ServiceContext& context) {
+  return context.reads != nullptr;
+}
 
 absl::StatusOr<std::shared_ptr<Waiting>> TakeIn(
     const ServiceContext& context, const Caller& caller,
     const grpc::ByteBuffer& request) {
   const auto waiting = std::make_shared<Waiting>();
-  ISOMATCH_ASSIGN_OR_RETURN(const RequestOutline outline,
-                            Outline(context, request));
-  if (!outline.validate_only) {
-    ISOMATCH_ASSIGN_OR_RETURN(
-        waiting->seat, context.manager->TakeSeat(caller, outline.request_id));
+  ISOMATCH_ASSIGN_OR_RETURN(waiting->outline, Outline(context, request));
+  if (!SeatsAreInADatabase(context)) {
+    ISOMATCH_RETURN_IF_ERROR(TakeSeat(context, caller, *waiting));
   }
   ISOMATCH_ASSIGN_OR_RETURN(waiting->room,
                             ReserveRequest(context, caller, request));
@@ -130,7 +143,10 @@ grpc::ServerUnaryReactor* StartCreateJob(const ServiceContext& context,
         if (call->IsCancelled()) {
           return reactor->Finish(grpc::Status::CANCELLED);
         }
-        const absl::Status answered = WithinMemory([&] {
+        const absl::Status answered = WithinMemory([&]() -> absl::Status {
+          if (SeatsAreInADatabase(context)) {
+            ISOMATCH_RETURN_IF_ERROR(TakeSeat(context, caller, *waiting));
+          }
           return Answer(context, caller, *request, std::move(waiting->seat),
                         *response);
         });

@@ -147,7 +147,13 @@ class WatchJobReactor final
     {
       MutexLock lock(mutex_);
       if (finished_ || cancelled_ || wrote_terminal_) return;
-      if (job.sequence() < written_sequence_) return;  // another was quicker
+      if (job.sequence() < written_sequence_ && !terminal) {
+        // Another was quicker. At two heartbeats in a row it was not: a crash
+        // of the database has taken numbers back.
+        if (!heartbeat || ++low_beats_ < 2) return;
+        last_sequence_ = 0;
+      }
+      low_beats_ = 0;
       if (writing_) {
         news_waits_ = true;
         return;
@@ -187,6 +193,8 @@ class WatchJobReactor final
   std::uint64_t last_sequence_ ABSL_GUARDED_BY(mutex_);
   /// Sequence of the snapshot that was written last.
   std::uint64_t written_sequence_ ABSL_GUARDED_BY(mutex_) = 0;
+  /// Heartbeats in a row whose sequence was below that.
+  int low_beats_ ABSL_GUARDED_BY(mutex_) = 0;
   /// `response_` belongs to gRPC.
   bool writing_ ABSL_GUARDED_BY(mutex_) = false;
   /// The job changed while writing.

@@ -164,6 +164,11 @@ struct JobRecord {
   std::uint64_t claim = 0;
   /// Of a SharedJobStore, while QUEUED: it waits for something that is missing.
   bool is_held = false;
+  /// Of a SharedJobStore: how often that was so.
+  int times_held = 0;
+  /// Of a SharedJobStore: how often in a row since its inputs could not be
+  /// read.
+  int unreadable = 0;
   /// How long it is to be held once it is QUEUED again; of changes only.
   absl::Duration hold = absl::ZeroDuration();
 };

@@ -1,9 +1,11 @@
 // Gateways and workers within the test's process, on a real PostgreSQL: what
 // one process says, and what another hears.
 
+#include <chrono>
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -13,6 +15,7 @@
 
 #include "absl/time/clock.h"
 #include "core/base/sha256.h"
+#include "grpc/health/v1/health.grpc.pb.h"
 #include "server/server.h"
 #include "server/shared_stores.h"
 #include "tests/server/postgres/test_database.h"
@@ -85,6 +88,13 @@ class ClusterTest : public TestServer {
     request.set_name(name);
     v1::DeleteJobResponse response;
     return stub_->DeleteJob(&context, request, &response);
+  }
+
+  static void Do(const std::string& sql) {
+    pqxx::connection database((*TheServer())->url());
+    pqxx::work work(database);
+    work.exec(sql);
+    work.commit();
   }
 
   v1::GetServerInfoResponse Info() {
@@ -233,6 +243,76 @@ TEST_F(ClusterTest, DeletedJobsAreGoneForAll) {
   v1::GetJobResponse job;
   EXPECT_EQ(stub_->GetJob(&again, get, &job).error_code(),
             grpc::StatusCode::NOT_FOUND);
+}
+
+TEST_F(ClusterTest, AWatchEndsEvenIfSequencesHaveFallen) {
+  gate_open_ = false;
+  const auto worker = Start(Config("worker"));
+  const std::string name = CreateJob();
+  WaitForMatches(1);
+  grpc::ClientContext context;
+  v1::WatchJobRequest request;
+  request.set_name(name);
+  const auto reader = stub_->WatchJob(&context, request);
+  v1::WatchJobResponse response;
+  ASSERT_TRUE(reader->Read(&response));
+  // As before a crash of the database that takes it back.
+  Do("UPDATE isomatch.live_jobs SET sequence = sequence + 1000000");
+  while (response.job().sequence() < 1000000) {
+    ASSERT_TRUE(reader->Read(&response));
+  }
+  Do("UPDATE isomatch.live_jobs SET sequence = sequence - 1000000");
+  const absl::Time begin = absl::Now();
+  gate_open_ = true;
+  while (reader->Read(&response)) {
+  }
+  EXPECT_TRUE(reader->Finish().ok());
+  EXPECT_EQ(response.job().state(), v1::Job::STATE_SUCCEEDED);
+  EXPECT_LT(response.job().sequence(), 1000000);
+  EXPECT_LT(absl::Now() - begin, absl::Seconds(5));
+}
+
+TEST_F(ClusterTest, AProcessThatStartsLateGivesWorkersAWholeLease) {
+  const std::string name = CreateJob();
+  server_.reset();
+  // Its worker could not renew, nor has anybody looked.
+  Do("UPDATE isomatch.live_jobs SET state = 2, claim = 1, worker = 'w', "
+     "started = now(), lease_until = now() - interval '1 h'");
+  Do("DELETE FROM isomatch.chores");
+  const auto gateway = Start(Config("gateway"));
+  CallAt(*gateway);
+  absl::SleepFor(absl::Seconds(1));
+  EXPECT_EQ(GetJob(name).state(), v1::Job::STATE_RUNNING);
+  WaitFor(name, v1::Job::STATE_QUEUED);
+}
+
+TEST_F(ClusterTest, CallsThatWaitForTheDatabaseHoldUpNoOthers) {
+  const v1::CreateJobRequest request = SphereJob();
+  pqxx::connection database((*TheServer())->url());
+  pqxx::work lock(database);
+  lock.exec("LOCK TABLE isomatch.live_jobs IN ACCESS EXCLUSIVE MODE");
+  {
+    std::vector<std::jthread> callers;
+    for (int i = 0; i < 40; ++i) {
+      callers.emplace_back([&] {
+        grpc::ClientContext context;
+        context.set_deadline(std::chrono::system_clock::now() +
+                             std::chrono::seconds(3));
+        v1::CreateJobResponse response;
+        EXPECT_FALSE(stub_->CreateJob(&context, request, &response).ok());
+      });
+    }
+    absl::SleepFor(absl::Milliseconds(500));
+    const auto health = grpc::health::v1::Health::NewStub(channel_);
+    for (int i = 0; i < 10; ++i) {
+      grpc::ClientContext context;
+      context.set_deadline(std::chrono::system_clock::now() +
+                           std::chrono::seconds(1));
+      grpc::health::v1::HealthCheckResponse response;
+      EXPECT_TRUE(health->Check(&context, {}, &response).ok());
+    }
+  }
+  lock.abort();
 }
 
 TEST_F(ClusterTest, MeshesAndResultsMayBeInAFolder) {

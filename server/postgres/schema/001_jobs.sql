@@ -64,6 +64,10 @@ CREATE TABLE isomatch.live_jobs (
   passes int NOT NULL DEFAULT 0,
   -- It does not start before: something that it needs is missing.
   not_before timestamptz NOT NULL DEFAULT '-infinity',
+  -- How often that was so, and how often in a row since its inputs could not be
+  -- read.
+  times_held int NOT NULL DEFAULT 0,
+  unreadable int NOT NULL DEFAULT 0,
   queue_deadline timestamptz NOT NULL DEFAULT 'infinity',
   -- It is cancelled then, unless somebody watches it.
   watched_until timestamptz NOT NULL DEFAULT 'infinity',
@@ -83,6 +87,9 @@ CREATE TABLE isomatch.live_jobs (
 CREATE INDEX live_jobs_next ON isomatch.live_jobs (tenant, priority DESC, number)
   WHERE state = 1;
 CREATE INDEX live_jobs_running ON isomatch.live_jobs (tenant) WHERE state = 2;
+-- Whether a worker is large enough for any.
+CREATE INDEX live_jobs_smallest ON isomatch.live_jobs (memory_bytes)
+  WHERE state = 1;
 
 CREATE TABLE isomatch.tenants (
   tenant text PRIMARY KEY,
@@ -189,6 +196,12 @@ BEGIN
   -- A claim that a crash of this database takes back is one that its worker
   -- hears of when it renews its lease.
   PERFORM set_config('synchronous_commit', 'off', true);
+  -- Workers without work ask all the time.
+  PERFORM FROM isomatch.live_jobs
+    WHERE state = 1 AND memory_bytes <= p_total_bytes LIMIT 1;
+  IF NOT FOUND THEN
+    RETURN;
+  END IF;
   PERFORM pg_advisory_xact_lock(22062021);
   FOR head IN
     SELECT t.tenant, t.overtakes, j.number, j.shared_priority, j.passes,
@@ -273,18 +286,29 @@ BEGIN
     WHERE tenant = chosen_head.tenant;
 END $$;
 
+-- A job's row as it is now: VOLATILE, so that a statement which waited in
+-- claim_job finds those that have come meanwhile.
+CREATE FUNCTION isomatch.job_now(p_number bigint)
+RETURNS SETOF isomatch.jobs
+LANGUAGE plpgsql VOLATILE
+AS $$
+BEGIN
+  RETURN QUERY SELECT * FROM isomatch.jobs j WHERE j.number = p_number;
+END $$;
+
 -- A job that ran waits again, in its old place: nobody has it, and it has come
 -- no way.
 CREATE FUNCTION isomatch.requeue_job(
   p_number bigint, p_sequence bigint, p_attempt int, p_faults int,
-  p_not_before timestamptz, p_queue_deadline timestamptz)
+  p_not_before timestamptz, p_unreadable int, p_queue_deadline timestamptz)
 RETURNS void
 LANGUAGE sql AS $$
   UPDATE isomatch.live_jobs
     SET state = 1, sequence = p_sequence, attempt = p_attempt,
         faults = p_faults, worker = '', claim = 0, lease_until = 'infinity',
         started = NULL, not_before = p_not_before,
-        queue_deadline = p_queue_deadline,
+        times_held = times_held + (p_not_before > now())::int,
+        unreadable = p_unreadable, queue_deadline = p_queue_deadline,
         stage = 0, stage_fraction = 0, total_fraction = 0
     WHERE number = p_number;
 $$;
@@ -305,7 +329,7 @@ BEGIN
   IF NOT FOUND THEN RETURN false; END IF;
   PERFORM isomatch.requeue_job(
     live.number, nextval('isomatch.job_sequence'), live.attempt, p_faults,
-    live.not_before, 'infinity');
+    live.not_before, live.unreadable, 'infinity');
   RETURN true;
 END $$;
 
@@ -315,8 +339,8 @@ END $$;
 -- new sequence; 0 when it is another by now, -1 when the job is gone.
 CREATE FUNCTION isomatch.update_job(
   p_id text, p_sequence bigint, p_claim bigint, p_state int, p_attempt int,
-  p_faults int, p_hold interval, p_has_queue_timeout boolean, p_stage int,
-  p_stage_fraction double precision, p_total_fraction double precision,
+  p_faults int, p_hold interval, p_unreadable int,
+  p_has_queue_timeout boolean, p_stage int, p_stage_fraction double precision, p_total_fraction double precision,
   p_result_bytes bigint, p_results text[], p_record bytea)
 RETURNS bigint
 LANGUAGE plpgsql
@@ -361,10 +385,34 @@ BEGIN
   END IF;
   PERFORM isomatch.requeue_job(
     live.number, new_sequence, p_attempt, p_faults,
-    coalesce(now() + p_hold, '-infinity'),
+    coalesce(now() + p_hold, '-infinity'), p_unreadable,
     CASE WHEN p_has_queue_timeout THEN live.queue_deadline
          ELSE 'infinity' END);
   RETURN new_sequence;
+END $$;
+
+-- Locks jobs in one order, so that those who change several do not wait for each
+-- other in a circle.
+CREATE FUNCTION isomatch.lock_live_jobs(p_ids text[])
+RETURNS void
+LANGUAGE plpgsql AS $$
+BEGIN
+  PERFORM FROM isomatch.live_jobs WHERE id = ANY (p_ids)
+    ORDER BY number FOR NO KEY UPDATE;
+END $$;
+
+-- Jobs are watched: they are not cancelled for that until p_grace is over.
+CREATE FUNCTION isomatch.keep_watched(p_ids text[], p_grace interval)
+RETURNS void
+LANGUAGE plpgsql
+SET lock_timeout TO '3s'
+AS $$
+BEGIN
+  PERFORM FROM isomatch.live_jobs
+    WHERE id = ANY (p_ids) AND watched_until < 'infinity'
+    ORDER BY number FOR NO KEY UPDATE;
+  UPDATE isomatch.live_jobs SET watched_until = now() + p_grace
+    WHERE id = ANY (p_ids) AND watched_until < 'infinity';
 END $$;
 
 -- A worker goes on with its jobs, this far. Returns those that are still its
@@ -380,6 +428,9 @@ AS $$
 BEGIN
   -- What a crash takes back comes with the next renewal.
   PERFORM set_config('synchronous_commit', 'off', true);
+  IF cardinality(p_ids) > 1 THEN
+    PERFORM isomatch.lock_live_jobs(p_ids);
+  END IF;
   RETURN QUERY
     UPDATE isomatch.live_jobs l
       SET lease_until = now() + p_lease, stage = r.stage,

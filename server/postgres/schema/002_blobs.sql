@@ -219,6 +219,24 @@ BEGIN
                         WHERE r.tenant = p_tenant AND r.sha256 = p_sha256);
 END $$;
 
+-- What a job that is removed leaves goes once p_grace is over, unless another
+-- needs it or somebody uses it until then. Whoever removes the job may remove
+-- it sooner, if he lives that long.
+CREATE FUNCTION isomatch.remove_blobs_later(
+  p_tenants text[], p_sha256s text[], p_grace interval)
+RETURNS void
+LANGUAGE plpgsql AS $$
+BEGIN
+  PERFORM FROM isomatch.blobs b
+    WHERE (b.tenant, b.sha256) IN (
+      SELECT r.tenant, r.sha256 FROM unnest(p_tenants, p_sha256s)
+                                     AS r (tenant, sha256))
+    ORDER BY b.tenant, b.sha256 FOR NO KEY UPDATE;
+  UPDATE isomatch.blobs b SET remove_at = now() + p_grace
+    FROM unnest(p_tenants, p_sha256s) AS r (tenant, sha256)
+    WHERE b.tenant = r.tenant AND b.sha256 = r.sha256;
+END $$;
+
 -- Removes the blobs that are due, p_most of them; returns how many those were.
 CREATE FUNCTION isomatch.remove_due_blobs(p_grace interval, p_most int)
 RETURNS int
@@ -261,7 +279,8 @@ $$;
 -- first, until the rest and p_bytes are at most p_limit. Returns how many bytes
 -- are still to be deleted, by the next call, since one deletes 500 blobs or 64
 -- MiB at most: 0 when there is room. NULL, and nothing is deleted, when it
--- cannot be made.
+-- cannot be made; -1 when it might be, but for blobs that somebody else has
+-- locked at this moment, to use or to delete them.
 CREATE FUNCTION isomatch.make_blob_room(
   p_tenant text, p_sha256 text, p_bytes bigint, p_limit bigint,
   p_of_tenant boolean, p_grace interval)
@@ -273,6 +292,7 @@ DECLARE
   missing bigint;
   blob record;
   may_go bigint := 0;
+  locked bigint := 0;
   tenants text[] := '{}';
   digests text[] := '{}';
   freed bigint := 0;
@@ -295,8 +315,10 @@ BEGIN
       ORDER BY u.used_at
   LOOP
     IF cardinality(digests) < 500 THEN
-      CONTINUE WHEN NOT isomatch.lock_old_blob(blob.tenant, blob.sha256,
-                                               p_grace);
+      IF NOT isomatch.lock_old_blob(blob.tenant, blob.sha256, p_grace) THEN
+        locked := locked + blob.bytes;
+        CONTINUE;
+      END IF;
       tenants := tenants || blob.tenant;
       digests := digests || blob.sha256;
     END IF;
@@ -304,7 +326,7 @@ BEGIN
     EXIT WHEN may_go >= missing;
   END LOOP;
   IF may_go < missing THEN
-    RETURN NULL;
+    RETURN CASE WHEN may_go + locked >= missing THEN -1 END;
   END IF;
   FOR i IN 1 .. cardinality(digests) LOOP
     freed := freed + isomatch.delete_locked_blob(tenants[i], digests[i]);

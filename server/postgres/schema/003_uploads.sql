@@ -75,9 +75,13 @@ BEGIN
         GROUP BY tenant ORDER BY count(*) DESC, tenant LIMIT 1;
     END IF;
     EXIT WHEN too_much IS NULL;
+    -- None that is being replaced: whoever does that waits for this one's lock,
+    -- and trims as well.
     DELETE FROM isomatch.partial_uploads
       WHERE (tenant, sha256) = (
         SELECT tenant, sha256 FROM isomatch.partial_uploads
-          WHERE tenant = too_much ORDER BY kept_at, sha256 LIMIT 1);
+          WHERE tenant = too_much ORDER BY kept_at, sha256 LIMIT 1
+          FOR UPDATE SKIP LOCKED);
+    EXIT WHEN NOT FOUND;
   END LOOP;
 END $$;

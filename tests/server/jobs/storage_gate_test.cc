@@ -58,6 +58,18 @@ TEST_F(StorageGateTest, TriesLessAndLessOften) {
   EXPECT_EQ(probes_, 9);
 }
 
+TEST_F(StorageGateTest, PausesAreNoLongerThanIsSaid) {
+  ManualExecutor timers;
+  StorageGate::Environment parts = MakeParts(&timers);
+  parts.longest_pause = absl::Seconds(2);
+  StorageGate gate(std::move(parts));
+  disk_ = absl::UnavailableError("away");
+  EXPECT_FALSE(gate.Check());
+  for (int i = 0; i < 63; ++i) timers.Advance(absl::Seconds(1));
+  // After 1, 3, 5, ... 63 s.
+  EXPECT_EQ(probes_, 1 + 32);
+}
+
 /// Has no memory for timers when the test says so.
 class PoorTimers : public ManualExecutor {
  public:

@@ -181,8 +181,13 @@ TEST_F(ClusterMetricsTest, TablesThatAreTooNewAreNoReadiness) {
   WaitUntilReady(false);
   EXPECT_THAT(Ask("/readyz"), HasSubstr("a newer isomatch-server"));
   EXPECT_EQ(Value("database_up"), 1);
+  // Nor may it take jobs.
+  CreateJob();
+  absl::SleepFor(absl::Seconds(1));
+  EXPECT_EQ(Value("claims_total"), 0);
   Do("DELETE FROM isomatch.migrations WHERE number = 999");
   WaitUntilReady(true);
+  WaitForValue("claims_total", 1);
 }
 
 TEST_F(ClusterMetricsTest, AJobThatOthersTookIsALostLease) {

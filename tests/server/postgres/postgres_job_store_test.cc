@@ -12,6 +12,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <pqxx/pqxx>
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
@@ -285,6 +286,75 @@ TEST_F(PostgresQueueTest, AJobThatIsHeldWaits) {
   absl::SleepFor(absl::Milliseconds(400));
   EXPECT_EQ(ClaimId(), "a");
   EXPECT_EQ(store().Get("a")->attempt, 1);
+}
+
+TEST_F(PostgresQueueTest, AClaimThatWaitedHearsOfAJobThatCameMeanwhile) {
+  Insert(Job("early"));
+  const auto other = (*TheServer())->url();
+  pqxx::connection connection(other);
+  pqxx::work lock(connection);
+  lock.exec("SELECT pg_advisory_xact_lock(22062021)");  // as claims do
+  std::string claimed;
+  std::jthread claim([&] { claimed = ClaimId(); });
+  const auto is_waiting = [&] {
+    return lock.exec(
+                   "SELECT count(*) FROM pg_locks WHERE locktype = 'advisory' "
+                   "AND NOT granted")[0][0]
+               .as<int>() > 0;
+  };
+  while (!is_waiting()) absl::SleepFor(absl::Milliseconds(5));
+  Insert(Job("urgent", "t", /*priority=*/5));
+  lock.commit();
+  claim.join();
+  EXPECT_EQ(claimed, "urgent");
+}
+
+TEST_F(PostgresQueueTest, NoClaimWaitsWhereNothingFitsTheWorker) {
+  Insert(Job("large", "t", 0, /*bytes=*/1000));
+  pqxx::connection connection((*TheServer())->url());
+  pqxx::work lock(connection);
+  lock.exec("SELECT pg_advisory_xact_lock(22062021)");
+  EXPECT_EQ(ClaimId(), "none");
+}
+
+TEST_F(PostgresQueueTest, WhatARemovedJobLeavesIsDueEvenIfNobodyRemovesIt) {
+  JobRecord job = Job("a");
+  job.inputs = {kept_->Put("t", "request"), kept_->Put("t", "mesh")};
+  Insert(job);
+  JobRecord ended = *store().Claim(Asking()).value();
+  ended.state = JobState::kSucceeded;
+  ended.result.emplace().parts = {
+      {ResultPart::kMap, kept_->Put("t", "map"), 3}};
+  ASSERT_THAT(store().Update(ended), IsOk());
+  ASSERT_THAT(store().Delete("a"), IsOk());
+  const auto due = kept_->pool().Ask(
+      PostgresPool::Repeat::kOnce,
+      "SELECT bytes FROM isomatch.blobs WHERE remove_at IS NOT NULL "
+      "ORDER BY bytes");
+  ASSERT_THAT(due, IsOk());
+  ASSERT_EQ(due->size(), 2);  // not the mesh, which others may name
+  EXPECT_EQ((*due)[0][0].as<int>(), 3);
+  EXPECT_EQ((*due)[1][0].as<int>(), 7);
+}
+
+TEST_F(PostgresQueueTest, TheNextWorkerKnowsHowOftenAJobWasHeld) {
+  Insert(Job("a"));
+  const auto claim_and_hold = [&](absl::Duration hold, int unreadable) {
+    JobRecord job = **store().Claim(Asking());
+    const std::pair known(job.times_held, job.unreadable);
+    job.state = JobState::kQueued;
+    job.hold = hold;
+    job.unreadable = unreadable;
+    EXPECT_THAT(store().Update(job), IsOk());
+    absl::SleepFor(hold);
+    return known;
+  };
+  constexpr absl::Duration kMoment = absl::Milliseconds(20);
+  EXPECT_EQ(claim_and_hold(kMoment, 1), std::pair(0, 0));
+  EXPECT_EQ(claim_and_hold(kMoment, 2), std::pair(1, 1));
+  EXPECT_EQ(claim_and_hold(kMoment, 0), std::pair(2, 2));
+  EXPECT_EQ(claim_and_hold(absl::ZeroDuration(), 0), std::pair(3, 0));
+  EXPECT_EQ(claim_and_hold(absl::ZeroDuration(), 0), std::pair(3, 0));
 }
 
 TEST_F(PostgresQueueTest, QueueTimeoutsAndWatchersCountByTheDatabasesClock) {

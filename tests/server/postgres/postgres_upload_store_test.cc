@@ -63,6 +63,28 @@ TEST_F(PostgresUploadStoreTest, WhatOneProcessKeepsAnotherTakesOnce) {
   EXPECT_EQ(database_.Do("SELECT count(*) FROM isomatch.partial_chunks"), "0");
 }
 
+TEST_F(PostgresUploadStoreTest, ManyAtOnceDoNotWaitInACircle) {
+  std::vector<std::jthread> threads;
+  for (int t = 0; t < 6; ++t) {
+    threads.emplace_back([this, t] {
+      const auto pool = database_.OpenPool();
+      PostgresUploadStore store(pool.get(), {.max_kept = 2});
+      for (int i = 0; i < 60; ++i) {
+        const BlobKey key =
+            Key(std::string(1, static_cast<char>('a' + (i * 5 + t) % 4)));
+        EXPECT_THAT(store.Keep(key, std::string(10 + i / 4, 'x'), kLimits),
+                    IsOk());
+      }
+    });
+  }
+  threads.clear();
+  // Each trimmed what it could see.
+  EXPECT_THAT(store_.Keep(Key("last"), "0123", kLimits), IsOk());
+  EXPECT_LE(
+      std::stoi(database_.Do("SELECT count(*) FROM isomatch.partial_uploads")),
+      3);
+}
+
 TEST_F(PostgresUploadStoreTest, OfTwoUploadsTheLongerIsKept) {
   Keep(Key("a"), "0123");
   Keep(Key("a"), "012345");
