@@ -244,30 +244,47 @@ absl::Status MeasureCreateJob(Queue& queue, const QueueSelection& selection,
   return queue.Forget();
 }
 
+/// As many jobs come as end, so that as many wait as before.
+absl::Status Pass(Queue& queue, int jobs) {
+  constexpr int kWorkers = 4;
+  std::atomic<int> left = jobs;
+  std::mutex mutex;
+  absl::Status worst;
+  std::vector<std::thread> workers;
+  for (int w = 0; w < kWorkers; ++w) {
+    workers.emplace_back([&, w] {
+      while (--left >= 0) {
+        const auto worked = queue.Work(absl::StrCat("worker-", w), 0);
+        if (worked.ok() && *worked) continue;
+        const std::lock_guard lock(mutex);
+        worst = worked.ok() ? absl::InternalError("a claim found no job")
+                            : worked.status();
+        return;
+      }
+    });
+  }
+  const absl::Status inserted = queue.Insert(jobs);
+  for (std::thread& worker : workers) worker.join();
+  return inserted.ok() ? worst : inserted;
+}
+
 absl::Status MeasureTable(Queue& queue, const QueueSelection& selection,
                           nlohmann::json& out) {
   constexpr int kWaiting = 10000;
-  constexpr int kStep = 20000;
-  constexpr int kWorkers = 4;
+  constexpr int kStep = 2000;
   ISOMATCH_RETURN_IF_ERROR(queue.Insert(kWaiting));
   std::int64_t most = 0;
   const absl::Time begin = absl::Now();
   for (int passed = 0; passed < selection.passing; passed += kStep) {
-    std::atomic<bool> is_over = false;
-    absl::Status inserted;
-    std::vector<std::thread> workers;
-    for (int w = 0; w < kWorkers; ++w) {
-      workers.emplace_back([&, w] {
-        while (!is_over) (void)queue.Work(absl::StrCat("worker-", w), 0);
-      });
-    }
-    inserted = queue.Insert(kStep);
-    is_over = true;
-    for (std::thread& worker : workers) worker.join();
-    ISOMATCH_RETURN_IF_ERROR(inserted);
+    ISOMATCH_RETURN_IF_ERROR(Pass(queue, kStep));
     ISOMATCH_ASSIGN_OR_RETURN(const std::int64_t bytes, queue.TableBytes());
     most = std::max(most, bytes);
+    std::fprintf(stderr, "\r%d jobs, %.0f s, table %.1f MB, most %.1f MB ",
+                 passed + kStep, SecondsSince(begin),
+                 static_cast<double>(bytes) / 1e6,
+                 static_cast<double>(most) / 1e6);
   }
+  std::fprintf(stderr, "\n");
   std::printf(
       "table of live jobs with its indices: at most %.1f MB while %d jobs "
       "passed in %.0f s\n",
