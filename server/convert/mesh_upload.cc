@@ -110,12 +110,18 @@ absl::Status MeshUpload::End() {
 
 absl::Status MeshUpload::Store() {
   const std::string found = sha256_.HexDigest();
-  if (found != key_.sha256) return DigestMismatch(key_.sha256, found);
+  if (found != key_.sha256) {
+    environment_.partials->Forget(key_);
+    return DigestMismatch(key_.sha256, found);
+  }
   const auto size = static_cast<std::int64_t>(digest_.size_bytes());
   const std::int64_t most = environment_.limits.tenant.stored_bytes;
   absl::Status put = environment_.blobs->PutWithin(
       most, key_, std::move(received_.bytes), Keep::kWhileRoom);
-  if (put.ok()) return put;
+  if (put.ok()) {
+    environment_.partials->Forget(key_);
+    return put;
+  }
   if (absl::IsFailedPrecondition(put)) {
     return StorageQuota(key_.tenant, size, most);
   }

@@ -48,9 +48,13 @@ class PartialUploads {
   /// Keeps what an upload has brought, and no more room than that needs.
   virtual void Keep(const BlobKey& key, PartialUpload upload) = 0;
 
-  /// Removes and returns what is kept; empty when there is nothing.
-  /// UNAVAILABLE (STORAGE_FAILED), RESOURCE_EXHAUSTED (UPLOAD_QUOTA): it stays.
+  /// Returns what is kept, which stays only where that needs no room here;
+  /// empty when there is nothing. UNAVAILABLE (STORAGE_FAILED),
+  /// RESOURCE_EXHAUSTED (UPLOAD_QUOTA): it stays.
   virtual absl::StatusOr<PartialUpload> Take(const BlobKey& key) = 0;
+
+  /// The upload is over, well or not: what stayed is of no use any more.
+  virtual void Forget(const BlobKey& /*key*/) {}
 
   /// Returns the number of bytes that are kept.
   virtual std::size_t ReceivedBytes(const BlobKey& key) const = 0;

@@ -44,14 +44,16 @@ absl::StatusOr<PartialUpload> SharedPartialUploads::Take(const BlobKey& key) {
   if (*kept == 0) return taken;
   ISOMATCH_ASSIGN_OR_RETURN(
       taken.reservation, Reserve(key.tenant, static_cast<std::int64_t>(*kept)));
-  absl::StatusOr<std::string> bytes = store_.Take(key);
+  absl::StatusOr<std::string> bytes = store_.Read(key);
   if (!bytes.ok()) return StorageFailed(bytes.status());
   taken.bytes = *std::move(bytes);
-  // Somebody else may have taken it, and left less or more.
+  // Somebody else may have gone on with it, or ended it.
   if (taken.bytes.size() > *kept) taken.bytes.resize(*kept);
   taken.reservation.ShrinkTo(static_cast<std::int64_t>(taken.bytes.size()));
   return taken;
 }
+
+void SharedPartialUploads::Forget(const BlobKey& key) { store_.Forget(key); }
 
 std::size_t SharedPartialUploads::ReceivedBytes(const BlobKey& key) const {
   return store_.ReceivedBytes(key).value_or(0);

@@ -26,6 +26,7 @@ class SharedPartialUploads : public PartialUploads {
                          std::int64_t bytes) const override;
   void Keep(const BlobKey& key, PartialUpload upload) override;
   absl::StatusOr<PartialUpload> Take(const BlobKey& key) override;
+  void Forget(const BlobKey& key) override;
   std::size_t ReceivedBytes(const BlobKey& key) const override;
 
  private:

@@ -27,9 +27,10 @@ int CountChunks(std::int64_t bytes) {
 }
 
 void InsertChunks(pqxx::work& transaction, const char* table,
-                  const BlobKey& key, absl::string_view bytes) {
+                  const BlobKey& key, absl::string_view bytes,
+                  std::size_t begin) {
   constexpr size_t kPiece = size_t{kChunkBytes} * kChunksAtOnce;
-  for (size_t begin = 0; begin < bytes.size(); begin += kPiece) {
+  for (; begin < bytes.size(); begin += kPiece) {
     const absl::string_view piece = bytes.substr(begin, kPiece);
     transaction.exec_params(
         absl::StrCat(

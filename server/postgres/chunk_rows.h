@@ -21,9 +21,11 @@ inline constexpr int kChunksAtOnce = 16;
 /// Returns how many rows so many bytes need.
 int CountChunks(std::int64_t bytes);
 
-/// Inserts the rows of a key. Throws what libpqxx throws.
+/// Inserts the rows of a key, but for those of its first `begin` bytes, which
+/// are whole rows. Throws what libpqxx throws.
 void InsertChunks(pqxx::work& transaction, const char* table,
-                  const BlobKey& key, absl::string_view bytes);
+                  const BlobKey& key, absl::string_view bytes,
+                  std::size_t begin = 0);
 
 /// Appends the content of the rows from number `first` on, kChunksAtOnce of
 /// them at most, that are there. Throws what libpqxx throws.

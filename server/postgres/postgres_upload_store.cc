@@ -17,11 +17,12 @@ absl::Status PostgresUploadStore::Keep(const BlobKey& key,
                                        const Limits& limits) {
   return BlobStorageError(pool_.Run([&](pqxx::work& transaction) {
     const pqxx::result kept = transaction.exec_params(
-        "SELECT isomatch.keep_upload($1, $2, $3, $4::interval)", key.tenant,
-        key.sha256, static_cast<std::int64_t>(bytes.size()),
+        "SELECT isomatch.keep_upload($1, $2, $3, $4, $5::interval)", key.tenant,
+        key.sha256, static_cast<std::int64_t>(bytes.size()), kChunkBytes,
         IntervalOf(options_.kept_for));
-    if (!kept[0][0].as<bool>()) return absl::OkStatus();
-    InsertChunks(transaction, kPartialChunks, key, bytes);
+    if (kept[0][0].is_null()) return absl::OkStatus();
+    InsertChunks(transaction, kPartialChunks, key, bytes,
+                 kept[0][0].as<std::size_t>());
     transaction.exec_params("SELECT isomatch.trim_uploads($1, $2, $3, $4)",
                             key.tenant, limits.tenant_bytes, limits.total_bytes,
                             options_.max_kept);
@@ -29,13 +30,13 @@ absl::Status PostgresUploadStore::Keep(const BlobKey& key,
   }));
 }
 
-absl::StatusOr<std::string> PostgresUploadStore::Take(const BlobKey& key) {
+absl::StatusOr<std::string> PostgresUploadStore::Read(const BlobKey& key) {
   std::string bytes;
-  const absl::Status taken = pool_.Run([&](pqxx::work& transaction) {
+  const absl::Status read = pool_.Run([&](pqxx::work& transaction) {
     bytes.clear();
     const pqxx::result kept = transaction.exec_params(
         "SELECT bytes FROM isomatch.partial_uploads WHERE tenant = $1 "
-        "AND sha256 = $2 AND kept_at > now() - $3::interval FOR UPDATE",
+        "AND sha256 = $2 AND kept_at > now() - $3::interval FOR SHARE",
         key.tenant, key.sha256, IntervalOf(options_.kept_for));
     if (kept.empty()) return absl::OkStatus();
     const int chunks = CountChunks(kept[0][0].as<std::int64_t>());
@@ -43,14 +44,17 @@ absl::StatusOr<std::string> PostgresUploadStore::Take(const BlobKey& key) {
     for (int first = 0; first < chunks; first += kChunksAtOnce) {
       AppendChunks(transaction, kPartialChunks, key, first, bytes);
     }
-    transaction.exec_params(
-        "DELETE FROM isomatch.partial_uploads "
-        "WHERE tenant = $1 AND sha256 = $2",
-        key.tenant, key.sha256);
     return absl::OkStatus();
   });
-  ISOMATCH_RETURN_IF_ERROR(BlobStorageError(taken));
+  ISOMATCH_RETURN_IF_ERROR(BlobStorageError(read));
   return bytes;
+}
+
+void PostgresUploadStore::Forget(const BlobKey& key) {
+  (void)pool_.Ask(PostgresPool::Repeat::kOnce,
+                  "DELETE FROM isomatch.partial_uploads "
+                  "WHERE tenant = $1 AND sha256 = $2",
+                  key.tenant, key.sha256);
 }
 
 absl::StatusOr<std::size_t> PostgresUploadStore::ReceivedBytes(

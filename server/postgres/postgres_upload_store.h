@@ -24,7 +24,8 @@ class PostgresUploadStore : public UploadStore {
 
   absl::Status Keep(const BlobKey& key, absl::string_view bytes,
                     const Limits& limits) override;
-  absl::StatusOr<std::string> Take(const BlobKey& key) override;
+  absl::StatusOr<std::string> Read(const BlobKey& key) override;
+  void Forget(const BlobKey& key) override;
   absl::StatusOr<std::size_t> ReceivedBytes(const BlobKey& key) override;
   void Tidy() override;
 

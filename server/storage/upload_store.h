@@ -23,15 +23,18 @@ class UploadStore {
     std::int64_t tenant_bytes = 0;
   };
 
-  /// Keeps `bytes`, unless more of it is kept already; then removes the oldest
-  /// of whoever has too much, or else most, until it is within `limits`.
-  /// UNAVAILABLE; RESOURCE_EXHAUSTED: the disk is full.
+  /// Keeps `bytes`, unless as much of it is kept already; of what it begins
+  /// with nothing is written again. Then removes the oldest of whoever has too
+  /// much, or else most, until it is within `limits`. UNAVAILABLE;
+  /// RESOURCE_EXHAUSTED: the disk is full.
   virtual absl::Status Keep(const BlobKey& key, absl::string_view bytes,
                             const Limits& limits) = 0;
 
-  /// Removes and returns what is kept; empty when there is nothing.
-  /// UNAVAILABLE.
-  virtual absl::StatusOr<std::string> Take(const BlobKey& key) = 0;
+  /// Returns what is kept; empty when there is nothing. UNAVAILABLE.
+  virtual absl::StatusOr<std::string> Read(const BlobKey& key) = 0;
+
+  /// Removes what is kept, if the store answers.
+  virtual void Forget(const BlobKey& key) = 0;
 
   /// Returns the number of bytes that are kept. UNAVAILABLE.
   virtual absl::StatusOr<std::size_t> ReceivedBytes(const BlobKey& key) = 0;

@@ -25,23 +25,43 @@ CREATE TABLE isomatch.partial_chunks (
 );
 ALTER TABLE isomatch.partial_chunks ALTER COLUMN content SET STORAGE EXTERNAL;
 
--- Begins to keep an upload, in place of what is kept of it unless that is more:
--- then it returns false. Otherwise the transaction has to insert its chunks and
--- to end with trim_uploads.
+-- Begins to keep an upload. Returns how many of its first bytes stay as they are
+-- kept already, in whole rows of p_row_bytes: the transaction has to insert the
+-- rest, and to end with trim_uploads. NULL when as much is kept.
 CREATE FUNCTION isomatch.keep_upload(
-  p_tenant text, p_sha256 text, p_bytes bigint, p_kept_for interval)
-RETURNS boolean
+  p_tenant text, p_sha256 text, p_bytes bigint, p_row_bytes bigint,
+  p_kept_for interval)
+RETURNS bigint
 LANGUAGE plpgsql
 SET lock_timeout TO '3s'
 AS $$
+DECLARE
+  kept bigint;
 BEGIN
   DELETE FROM isomatch.partial_uploads
     WHERE tenant = p_tenant AND sha256 = p_sha256
-      AND (bytes <= p_bytes OR kept_at <= now() - p_kept_for);
-  INSERT INTO isomatch.partial_uploads (tenant, sha256, bytes)
-    VALUES (p_tenant, p_sha256, p_bytes)
-    ON CONFLICT DO NOTHING;
-  RETURN FOUND;
+      AND kept_at <= now() - p_kept_for;
+  LOOP
+    INSERT INTO isomatch.partial_uploads (tenant, sha256, bytes)
+      VALUES (p_tenant, p_sha256, p_bytes)
+      ON CONFLICT DO NOTHING;
+    IF FOUND THEN
+      RETURN 0;
+    END IF;
+    SELECT bytes INTO kept FROM isomatch.partial_uploads
+      WHERE tenant = p_tenant AND sha256 = p_sha256 FOR UPDATE;
+    EXIT WHEN FOUND;  -- or else it was removed meanwhile
+  END LOOP;
+  IF kept >= p_bytes THEN
+    RETURN NULL;
+  END IF;
+  UPDATE isomatch.partial_uploads
+    SET bytes = p_bytes, kept_at = clock_timestamp()
+    WHERE tenant = p_tenant AND sha256 = p_sha256;
+  DELETE FROM isomatch.partial_chunks
+    WHERE tenant = p_tenant AND sha256 = p_sha256
+      AND index = kept / p_row_bytes;  -- not whole, if it is there
+  RETURN kept / p_row_bytes * p_row_bytes;
 END $$;
 
 -- Removes the oldest of the tenant while it has more than p_share bytes, and

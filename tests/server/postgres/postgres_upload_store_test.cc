@@ -8,6 +8,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "server/postgres/chunk_rows.h"
 #include "server/postgres/postgres_pool.h"
 #include "tests/server/postgres/blob_database.h"
 #include "tests/support/matchers.h"
@@ -16,6 +17,7 @@ namespace isomatch {
 namespace {
 
 using testing::_;
+using testing::AnyOf;
 
 class PostgresUploadStoreTest : public testing::Test {
  protected:
@@ -44,7 +46,7 @@ class PostgresUploadStoreTest : public testing::Test {
   PostgresUploadStore store_{database_.pool(), {.max_kept = 3}};
 };
 
-TEST_F(PostgresUploadStoreTest, WhatOneProcessKeepsAnotherTakesOnce) {
+TEST_F(PostgresUploadStoreTest, WhatOneProcessKeepsAnotherGoesOnWith) {
   std::string bytes(10 * 1024 * 1024 + 1, '\0');
   for (size_t i = 0; i < bytes.size(); ++i) {
     bytes[i] = static_cast<char>(i * i / 1000);
@@ -56,11 +58,43 @@ TEST_F(PostgresUploadStoreTest, WhatOneProcessKeepsAnotherTakesOnce) {
   PostgresUploadStore other(pool.get(), {});
   EXPECT_EQ(*other.ReceivedBytes(Key("a")), bytes.size());
   EXPECT_EQ(*other.ReceivedBytes(Key("a", "other")), 0);
-  EXPECT_EQ(*other.Take(Key("a", "other")), "");
-  EXPECT_TRUE(*other.Take(Key("a")) == bytes);
-  EXPECT_EQ(*store_.Take(Key("a")), "");
+  EXPECT_EQ(*other.Read(Key("a", "other")), "");
+  EXPECT_TRUE(*other.Read(Key("a")) == bytes);
+  EXPECT_TRUE(*store_.Read(Key("a")) == bytes);
+  other.Forget(Key("a"));
+  EXPECT_EQ(*store_.Read(Key("a")), "");
   EXPECT_EQ(Kept(Key("a")), 0);
   EXPECT_EQ(database_.Do("SELECT count(*) FROM isomatch.partial_chunks"), "0");
+}
+
+TEST_F(PostgresUploadStoreTest, WhatIsThereIsNotWrittenAgain) {
+  constexpr UploadStore::Limits kMuch = {.total_bytes = 1 << 30,
+                                         .tenant_bytes = 1 << 30};
+  std::string bytes;
+  const auto keep = [&](std::size_t size) {
+    while (bytes.size() < size) {
+      bytes += static_cast<char>(bytes.size() * bytes.size() / 1000);
+    }
+    EXPECT_THAT(store_.Keep(Key("a"), bytes, kMuch), IsOk());
+    EXPECT_TRUE(*store_.Read(Key("a")) == bytes);
+  };
+  const auto first_written = [&] {
+    return database_.Do(
+        "SELECT min(index) FROM isomatch.partial_chunks WHERE xmin = "
+        "(SELECT xmin FROM isomatch.partial_uploads)");
+  };
+  keep(1'000'000);
+  EXPECT_EQ(first_written(), "0");
+  keep(1'000'001);  // in the same row
+  EXPECT_EQ(first_written(), "3");
+  keep(4 * kChunkBytes);
+  EXPECT_EQ(first_written(), "3");
+  keep(4 * kChunkBytes + 1);
+  EXPECT_EQ(first_written(), "4");
+  const std::string xmin =
+      database_.Do("SELECT xmin FROM isomatch.partial_uploads");
+  keep(4 * kChunkBytes + 1);  // nothing more came
+  EXPECT_EQ(database_.Do("SELECT xmin FROM isomatch.partial_uploads"), xmin);
 }
 
 TEST_F(PostgresUploadStoreTest, ManyAtOnceDoNotWaitInACircle) {
@@ -89,7 +123,7 @@ TEST_F(PostgresUploadStoreTest, OfTwoUploadsTheLongerIsKept) {
   Keep(Key("a"), "0123");
   Keep(Key("a"), "012345");
   Keep(Key("a"), "01");
-  EXPECT_EQ(*store_.Take(Key("a")), "012345");
+  EXPECT_EQ(*store_.Read(Key("a")), "012345");
 }
 
 TEST_F(PostgresUploadStoreTest, ExpiresAfterItsTime) {
@@ -99,7 +133,7 @@ TEST_F(PostgresUploadStoreTest, ExpiresAfterItsTime) {
   EXPECT_EQ(Kept(Key("a")), 4);
   Age(2);
   EXPECT_EQ(Kept(Key("a")), 0);
-  EXPECT_EQ(*store_.Take(Key("a")), "");
+  EXPECT_EQ(*store_.Read(Key("a")), "");
   Keep(Key("a"), "01");  // what is over does not count as longer
   store_.Tidy();
   EXPECT_EQ(Kept(Key("a")), 2);
@@ -134,17 +168,20 @@ TEST_F(PostgresUploadStoreTest, TheirNumberIsBounded) {
   EXPECT_EQ(Kept(Key("b")), 1);
 }
 
-TEST_F(PostgresUploadStoreTest, TwoThatTakeItDoNotBothGetIt) {
+TEST_F(PostgresUploadStoreTest, OfTwoThatGoOnWithItTheLongerIsKept) {
   for (int round = 0; round < 20; ++round) {
     Keep(Key("a"), "0123");
-    std::string taken[2];
     {
       std::vector<std::jthread> threads;
-      for (std::string& bytes : taken) {
-        threads.emplace_back([&] { bytes = *store_.Take(Key("a")); });
+      for (const std::string more : {"4", "45678"}) {
+        threads.emplace_back(
+            [this, more] { Keep(Key("a"), *store_.Read(Key("a")) + more); });
       }
     }
-    EXPECT_EQ(taken[0] + taken[1], "0123");
+    // If one has read what the other kept already, both have added to it.
+    EXPECT_THAT(*store_.Read(Key("a")),
+                AnyOf("012345678", "0123445678", "0123456784"));
+    store_.Forget(Key("a"));
   }
 }
 
@@ -153,10 +190,10 @@ TEST_F(PostgresUploadStoreTest, ADatabaseThatIsAwayIsUnavailable) {
   database_.server().Kill();
   const auto is_unavailable = StatusIs(absl::StatusCode::kUnavailable, _);
   EXPECT_THAT(store_.Keep(Key("b"), "0", kLimits), is_unavailable);
-  EXPECT_THAT(store_.Take(Key("a")), is_unavailable);
+  EXPECT_THAT(store_.Read(Key("a")), is_unavailable);
   EXPECT_THAT(store_.ReceivedBytes(Key("a")), is_unavailable);
   ASSERT_THAT(database_.server().Restart(), IsOk());
-  EXPECT_EQ(*store_.Take(Key("a")), "0123");
+  EXPECT_EQ(*store_.Read(Key("a")), "0123");
 }
 
 }  // namespace
