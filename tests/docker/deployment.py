@@ -38,8 +38,9 @@ CLUSTER_METRICS = [
     "isomatch_database_dead_rows",
     "isomatch_database_oldest_transaction_seconds",
     "isomatch_database_up",
-    "isomatch_leases_lost_total",
+    "isomatch_leases_expired_total",
     "isomatch_queue_oldest_seconds",
+    "isomatch_workers_registered",
 ]
 
 
