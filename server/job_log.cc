@@ -55,6 +55,11 @@ void LogState(const JobRecord& job, absl::Time now) {
     absl::StrAppend(&message, ", trace ", trace);
     fields.push_back({"trace_id", trace});
   }
+  if (job.hold > absl::ZeroDuration()) {
+    absl::StrAppend(&message, ", held for ", absl::FormatDuration(job.hold),
+                    ": ", job.hold_reason);
+    fields.push_back({"held", job.hold_reason});
+  }
   if (job.error) AddError(*job.error, message, fields);
   if (job.result) AddResult(job, message, fields);
   Log(job.error ? LogLevel::kWarning : LogLevel::kInfo, message, fields);
@@ -67,6 +72,20 @@ void LogStuck(const JobRecord& job) {
       {{"job", job.id},
        {"tenant", job.tenant},
        {"state", JobStateName(job.state)}});
+}
+
+void LogLeaseLost(const JobRecord& job, bool is_ours) {
+  const std::string message =
+      is_ours ? absl::StrCat("job ", job.id,
+                             " is given up: the database has not heard of this "
+                             "process for the time of --lease, and others may "
+                             "have the job")
+              : absl::StrCat("job ", job.id, " is taken from worker ",
+                             job.worker, ", which was silent for the time of ",
+                             "--lease (attempt ", job.attempt, ", faults ",
+                             job.faults, " before)");
+  Log(LogLevel::kWarning, message,
+      {{"job", job.id}, {"tenant", job.tenant}, {"worker", job.worker}});
 }
 
 void LogDatabase(const absl::Status& database) {

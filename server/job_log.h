@@ -16,6 +16,10 @@ void LogStuck(const JobRecord& job);
 /// Logs why results cannot be stored; with OK that they can again.
 void LogStorage(const absl::Status& storage);
 
+/// Logs, as a warning, that a job has lost its worker, or this process the job,
+/// for a silence.
+void LogLeaseLost(const JobRecord& job, bool is_ours);
+
 /// Logs why the database cannot be used; with OK that it can again.
 void LogDatabase(const absl::Status& database);
 

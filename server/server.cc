@@ -302,6 +302,7 @@ JobEnvironment Server::Impl::MakeJobEnvironment() {
   environment.on_state = [this](const JobRecord& job) { OnState(job); };
   if (logs) environment.on_storage = LogStorage;
   if (logs) environment.on_database = LogDatabase;
+  if (logs) environment.on_lease_lost = LogLeaseLost;
   if (logs) environment.on_stuck = LogStuck;
   environment.on_give_up = on_give_up_;
   return environment;

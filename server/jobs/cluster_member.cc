@@ -80,6 +80,7 @@ ClusterView ClusterMember::view() const {
         "database: no answer for ", absl::FormatDuration(kStoreSilence)));
   } else {
     view.store = version_;
+    for (const absl::Status& refusal : refusals_) view.store.Update(refusal);
   }
   return view;
 }
@@ -97,6 +98,18 @@ void ClusterMember::Hear(const absl::Status& answer) {
     if (heard.ok()) answered_ = now;
   }
   if (is_news) environment_.on_database(heard);
+}
+
+void ClusterMember::HearRefusal(Asked asked, const absl::Status& answer) {
+  // These pass by themselves, and Hear has heard them.
+  if (absl::IsUnavailable(answer) || absl::IsAborted(answer)) return;
+  bool is_news = false;
+  {
+    MutexLock lock(mutex_);
+    is_news = answer.ok() != refusals_[asked].ok();
+    refusals_[asked] = answer;
+  }
+  if (is_news) environment_.on_database(answer);
 }
 
 void ClusterMember::HearVersion(const absl::Status& version) {
@@ -166,7 +179,9 @@ void ClusterMember::OnLost(const std::string& id, std::uint64_t claim) {
   const bool is_others = IsTerminal(job->state)
                              ? had_expired && job->state != JobState::kCancelled
                              : job->claim != claim;
-  if (is_others) environment_.metrics->LeaseLost();
+  if (!is_others) return;
+  environment_.metrics->LeaseLost();
+  environment_.on_lease_lost(*job, /*is_ours=*/true);
 }
 
 void ClusterMember::Follow() {
@@ -202,6 +217,7 @@ void ClusterMember::Follow() {
 
 void ClusterMember::Take() {
   scheduler_.Dispatch();
+  HearRefusal(kClaims, scheduler_.last_claim());
   Again(take_timer_, kTakeInterval, &ClusterMember::Take);
 }
 
@@ -234,6 +250,7 @@ void ClusterMember::DoChores() {
   // Others may have waited as long as this one.
   if (!holds.ok() || now - asked > environment_.lease / 2) silent_ = now;
   Hear(holds.status());
+  HearRefusal(kChoresOfAll, holds.status());
   if (holds.ok() && *holds) {
     if (now - silent_ > environment_.lease) {
       TakeBackExpired();
@@ -257,6 +274,7 @@ void ClusterMember::TakeBackExpired() {
   std::map<std::string, int> jobs_of_worker;
   for (const JobRecord& job : *expired) ++jobs_of_worker[job.worker];
   for (const JobRecord& job : *expired) {
+    environment_.on_lease_lost(job, /*is_ours=*/false);
     // Of several it is not known whose fault it was: more than a few starts
     // and each runs alone.
     const bool is_to_blame = jobs_of_worker[job.worker] == 1;
@@ -269,7 +287,7 @@ void ClusterMember::TakeBackExpired() {
       continue;
     }
     environment_.metrics->LeaseExpired();
-    lifecycle_.Fail(
+    (void)lifecycle_.Fail(
         job,
         CrashedRepeatedly(faults >= limits.max_faults ? faults : job.attempt));
   }
@@ -279,7 +297,7 @@ void ClusterMember::EndOverdue() {
   const auto overdue = environment_.shared->Overdue();
   if (!overdue.ok()) return;
   for (const JobRecord& job : *overdue) {
-    lifecycle_.Fail(
+    (void)lifecycle_.Fail(
         job, QueueTimeout(job.queue_timeout.value_or(absl::ZeroDuration())));
   }
 }

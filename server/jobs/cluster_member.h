@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <map>
 #include <optional>
@@ -19,7 +20,8 @@ namespace isomatch {
 /// What a process knows of the store that it shares, and of the others.
 struct ClusterView {
   /// OK; UNAVAILABLE: the store did not answer when it was asked last;
-  /// FAILED_PRECONDITION: it is too new for this program.
+  /// FAILED_PRECONDITION: it is too new for this program; any other: it refuses
+  /// what a process has to do.
   absl::Status store;
   /// See SharedJobStore.
   std::int64_t store_errors = 0;
@@ -84,6 +86,11 @@ class ClusterMember {
   void Observe();
   /// Remembers whether the store has answered.
   void Hear(const absl::Status& answer);
+  /// What is asked all the time, so that a refusal is not forgotten for the
+  /// answer to something else.
+  enum Asked { kClaims, kChoresOfAll };
+  /// The same of whether it refuses what a process has to do.
+  void HearRefusal(Asked asked, const absl::Status& answer);
   /// The same of its version: no job is taken from one that is too new.
   void HearVersion(const absl::Status& version);
   /// A job that runs here by this claim is not this process's own any more.
@@ -115,6 +122,7 @@ class ClusterMember {
   absl::Status answer_ ABSL_GUARDED_BY(mutex_);
   absl::Duration answered_ ABSL_GUARDED_BY(mutex_) = -absl::InfiniteDuration();
   absl::Status version_ ABSL_GUARDED_BY(mutex_);
+  std::array<absl::Status, 2> refusals_ ABSL_GUARDED_BY(mutex_);
   std::optional<ClusterView::Told> told_ ABSL_GUARDED_BY(mutex_);
   absl::Duration told_at_ ABSL_GUARDED_BY(mutex_) = -absl::InfiniteDuration();
   bool is_stopped_ ABSL_GUARDED_BY(mutex_) = false;

@@ -134,6 +134,10 @@ struct JobEnvironment {
   /// Told why results cannot be stored, then OK when they can again.
   std::function<void(const absl::Status&)> on_storage =
       [](const absl::Status&) {};
+  /// Told of a job whose worker, named in the record, has not said anything for
+  /// a lease: taken from that one, or by others from this process.
+  std::function<void(const JobRecord&, bool is_ours)> on_lease_lost =
+      [](const JobRecord&, bool) {};
   /// Told why the database that is shared cannot be used, then OK when it can
   /// again.
   std::function<void(const absl::Status&)> on_database =

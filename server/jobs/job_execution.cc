@@ -52,9 +52,8 @@ absl::Status JobExecution::RunToEnd(LiveJob& live, Progress& progress) {
           [&] { return environment_.load_spec(record); },
           [&](const JobProgress& now) { ReportProgress(live.id, now); },
           live.stop.get_token()));
-  const auto store = [&] { return StoreResult(record, outcome, progress); };
-  if (environment_.shared == nullptr) return store();
-  return WhenStoreAnswers(live, store);
+  return WhenStoreAnswers(
+      live, [&] { return StoreResult(record, outcome, progress); });
 }
 
 absl::Status JobExecution::StoreResult(const JobRecord& started,
@@ -79,8 +78,9 @@ absl::Status JobExecution::WhenStoreAnswers(
   const absl::Duration end = environment_.uptime() + kLongestSilence;
   while (true) {
     const absl::Status stored = store();
-    const bool may_pass =
-        absl::IsUnavailable(stored) && !live.stop.stop_requested();
+    const bool may_pass = environment_.shared != nullptr &&
+                          absl::IsUnavailable(stored) &&
+                          !live.stop.stop_requested();
     if (!may_pass || environment_.uptime() > end) return stored;
     absl::SleepFor(kSilencePause);
   }
@@ -177,9 +177,14 @@ void JobExecution::Settle(LiveJob& live, Progress& progress,
     live.awaited_bytes = 0;
     live.unreadable = 0;
     PutBack(*progress.started);
-  } else if (!WaitForStorage(live, progress, error)) {
-    lifecycle_.Fail(*progress.started, error);
+    return;
   }
+  const bool waits = MayWaitForStorage(live, progress, error);
+  // Else it would be nobody's until its lease ends.
+  (void)WhenStoreAnswers(live, [&] {
+    return waits ? Hold(live, *progress.started, error)
+                 : lifecycle_.Fail(*progress.started, FinalError(live, error));
+  });
 }
 
 void JobExecution::PutBack(const JobRecord& started) {
@@ -191,7 +196,7 @@ void JobExecution::PutBack(const JobRecord& started) {
   }
   const bool is_fault = watchdog_.HasFreedMemory(id);
   if (is_fault && record->faults + 1 >= environment_.limits.max_faults) {
-    lifecycle_.Fail(
+    (void)lifecycle_.Fail(
         *record, OutOfMemory("the server's memory grew beyond its limit each "
                              "time the job ran, and fell with its end"));
     return;
@@ -207,9 +212,8 @@ void JobExecution::PutBack(const JobRecord& started) {
   });
 }
 
-bool JobExecution::WaitForStorage(LiveJob& live, const Progress& progress,
-                                  const absl::Status& error) {
-  const JobRecord& started = *progress.started;
+bool JobExecution::MayWaitForStorage(LiveJob& live, const Progress& progress,
+                                     const absl::Status& error) {
   // Where only what jobs need is in the way, waiting could be for ever: some
   // have to give way.
   const bool is_refused =
@@ -220,11 +224,17 @@ bool JobExecution::WaitForStorage(LiveJob& live, const Progress& progress,
   live.unreadable = is_unreadable ? live.unreadable + 1 : 0;
   if (!is_refused && !is_unreadable) return false;
   if (is_refused) scheduler_.CheckStorage();
-  if (live.unreadable > kMostUnreadable) {
-    lifecycle_.Fail(started,
-                    ContentLost(live.id, DetailsOf(error).metadata["what"]));
-    return true;
-  }
+  return live.unreadable <= kMostUnreadable;
+}
+
+absl::Status JobExecution::FinalError(const LiveJob& live,
+                                      const absl::Status& error) {
+  if (live.unreadable <= kMostUnreadable) return error;
+  return ContentLost(live.id, DetailsOf(error).metadata["what"]);
+}
+
+absl::Status JobExecution::Hold(const LiveJob& live, const JobRecord& started,
+                                const absl::Status& error) {
   const auto moved =
       lifecycle_.Move(live.id, JobState::kQueued, [&](JobRecord& now) {
         ISOMATCH_RETURN_IF_ERROR(CheckOwn(started, now));
@@ -233,10 +243,11 @@ bool JobExecution::WaitForStorage(LiveJob& live, const Progress& progress,
         }
         --now.attempt;  // it was not the job's fault
         now.hold = HoldAfter(live.times_held);
+        now.hold_reason = std::string(error.message());
         now.unreadable = live.unreadable;
         return absl::OkStatus();
       });
-  return moved.ok();
+  return moved.status();
 }
 
 }  // namespace isomatch

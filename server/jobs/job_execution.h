@@ -72,9 +72,15 @@ class JobExecution {
   /// called again wherever it ended.
   void Settle(LiveJob& live, Progress& progress, const absl::Status& error);
   void PutBack(const JobRecord& started);
-  /// Makes the job QUEUED again if `error` may pass; false if not.
-  bool WaitForStorage(LiveJob& live, const Progress& progress,
-                      const absl::Status& error);
+  /// Whether `error` may pass, so that the job waits; counts how often.
+  bool MayWaitForStorage(LiveJob& live, const Progress& progress,
+                         const absl::Status& error);
+  /// Makes the job QUEUED again, for a later start.
+  absl::Status Hold(const LiveJob& live, const JobRecord& started,
+                    const absl::Status& error);
+  /// What a job fails with that has waited for long enough, or cannot wait.
+  static absl::Status FinalError(const LiveJob& live,
+                                 const absl::Status& error);
 
   const JobEnvironment& environment_;
   JobLifecycle& lifecycle_;

@@ -58,6 +58,8 @@ absl::StatusOr<JobRecord> JobLifecycle::Move(const std::string& id, JobState to,
                             Replace(id, [&](JobRecord& record) {
                               if (!CanMove(record.state, to))
                                 return JobIsTerminal(id, record.state);
+                              record.hold = absl::ZeroDuration();
+                              record.hold_reason.clear();
                               if (edit) ISOMATCH_RETURN_IF_ERROR(edit(record));
                               record.state = to;
                               if (IsTerminal(to)) {
@@ -104,16 +106,19 @@ absl::StatusOr<JobRecord> JobLifecycle::Replace(const std::string& id,
   }
 }
 
-void JobLifecycle::Fail(const JobRecord& record, const absl::Status& error) {
+absl::Status JobLifecycle::Fail(const JobRecord& record,
+                                const absl::Status& error) {
   const bool is_cancelled = absl::IsCancelled(error);
-  (void)Move(record.id, is_cancelled ? JobState::kCancelled : JobState::kFailed,
-             [&](JobRecord& now) {
-               if (now.state != record.state || now.claim != record.claim) {
-                 return absl::FailedPreconditionError("too late");
-               }
-               if (!is_cancelled) now.error = JobErrorOf(error);
-               return absl::OkStatus();
-             });
+  return Move(record.id,
+              is_cancelled ? JobState::kCancelled : JobState::kFailed,
+              [&](JobRecord& now) {
+                if (now.state != record.state || now.claim != record.claim) {
+                  return absl::FailedPreconditionError("too late");
+                }
+                if (!is_cancelled) now.error = JobErrorOf(error);
+                return absl::OkStatus();
+              })
+      .status();
 }
 
 }  // namespace isomatch

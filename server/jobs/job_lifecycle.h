@@ -63,7 +63,7 @@ class JobLifecycle {
 
   /// Makes the job FAILED, or CANCELLED if `error` says so, unless its state or
   /// claim is another than the record's by now.
-  void Fail(const JobRecord& record, const absl::Status& error);
+  absl::Status Fail(const JobRecord& record, const absl::Status& error);
 
  private:
   absl::StatusOr<JobRecord> Replace(const std::string& id, const Edit& edit);

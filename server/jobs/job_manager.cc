@@ -81,13 +81,13 @@ void JobManager::TakeUp(const JobRecord& record, const Blame& blame) {
   const std::int32_t attempt =
       record.attempt - (ran && blame.is_known && !is_to_blame ? 1 : 0);
   if (faults >= limits.max_faults) {
-    return lifecycle_.Fail(record, CrashedRepeatedly(faults));
+    return (void)lifecycle_.Fail(record, CrashedRepeatedly(faults));
   }
   if (ran && attempt >= limits.max_attempts) {
-    return lifecycle_.Fail(record, CrashedRepeatedly(attempt));
+    return (void)lifecycle_.Fail(record, CrashedRepeatedly(attempt));
   }
   if (record.memory_estimate_bytes > budget_bytes) {
-    return lifecycle_.Fail(
+    return (void)lifecycle_.Fail(
         record, JobNeedsMoreMemoryThanBudget(record.memory_estimate_bytes,
                                              budget_bytes));
   }

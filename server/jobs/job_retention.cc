@@ -69,7 +69,8 @@ void JobRetention::Prune(std::int64_t room_bytes) {
        .ended_before = environment_.BelievedTime() - limits.job_retention,
        .ended_before_steady = environment_.uptime() - limits.job_retention,
        .room_bytes = room_bytes});
-  if (removed.ok()) RemoveResults(*removed);
+  // A store that others share looks after what they leave.
+  if (removed.ok() && environment_.shared == nullptr) RemoveResults(*removed);
 }
 
 void JobRetention::RemoveResults(const std::vector<JobRecord>& removed) {

@@ -124,6 +124,9 @@ class JobScheduler {
   /// inputs could not be read, or its result was too large.
   void EnqueueAgain(const LiveJob& before);
 
+  /// What the SharedJobStore said when it was last asked for a job.
+  absl::Status last_claim() const { return shared_queue_.last_claim(); }
+
   /// Whether jobs are taken from a SharedJobStore, as they are at first.
   void LetClaim(bool may_claim);
 

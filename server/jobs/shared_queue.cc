@@ -88,6 +88,10 @@ std::shared_ptr<LiveJob> SharedQueue::ClaimOne() {
   const ClaimRequest request = MakeRequest();
   const absl::Duration begin = environment_.uptime();
   auto claimed = environment_.shared->Claim(request);
+  {
+    MutexLock lock(mutex_);
+    last_claim_ = claimed.status();
+  }
   if (!claimed.ok()) {
     environment_.metrics->ClaimFailed();
     return nullptr;

@@ -38,6 +38,12 @@ class SharedQueue {
   /// at this moment (it asks once more then).
   std::shared_ptr<LiveJob> Claim();
 
+  /// What the store said when it was last asked for one; OK before.
+  absl::Status last_claim() const {
+    MutexLock lock(mutex_);
+    return last_claim_;
+  }
+
   /// Returns the number of jobs ahead of a QUEUED one.
   int PositionOf(const std::string& id);
 
@@ -72,7 +78,8 @@ class SharedQueue {
   using Positions = std::shared_ptr<const std::unordered_map<std::string, int>>;
 
   const JobEnvironment& environment_;
-  Mutex mutex_;
+  mutable Mutex mutex_;
+  absl::Status last_claim_ ABSL_GUARDED_BY(mutex_);
   bool is_claiming_ ABSL_GUARDED_BY(mutex_) = false;
   bool is_asked_again_ ABSL_GUARDED_BY(mutex_) = false;
   /// SHA-256 of what the last jobs of this process had as inputs, the latest

@@ -14,7 +14,7 @@ namespace isomatch {
 
 // Times are microseconds since 1970.
 const char kJobColumns[] =
-    "j.id, j.number, coalesce(l.sequence, j.sequence), j.record, "
+    "j.id, j.tenant, j.number, coalesce(l.sequence, j.sequence), j.record, "
     "(extract(epoch FROM j.created) * 1000000)::bigint, "
     "(extract(epoch FROM j.ended) * 1000000)::bigint, "
     "coalesce(l.state, j.state), l.attempt, l.faults, "
@@ -36,6 +36,7 @@ namespace {
 /// The columns of kJobColumns.
 enum Column {
   kId,
+  kTenant,
   kNumber,
   kSequence,
   kRecord,
@@ -81,27 +82,34 @@ void ReadLive(const pqxx::row& row, JobRecord& record) {
   if (!row[kHasDeadline].as<bool>()) record.queue_timeout.reset();
 }
 
+void SetDamaged(JobRecord& record) {
+  record.state = JobState::kFailed;
+  record.error = {absl::StatusCode::kDataLoss, "CONTENT_LOST",
+                  "what the database kept of the job is damaged"};
+}
+
 }  // namespace
 
-absl::StatusOr<JobRecord> RecordOf(const pqxx::row& row) {
+JobRecord RecordOf(const pqxx::row& row) {
   const pqxx::binarystring bytes(row[kRecord]);
-  ISOMATCH_ASSIGN_OR_RETURN(JobRecord record, DecodeJobRecord(Bytes(bytes)));
+  auto decoded = DecodeJobRecord(Bytes(bytes));
+  // A damaged one has no inputs: running it says that they are lost.
+  JobRecord record = decoded.ok() ? *std::move(decoded) : JobRecord();
   record.id = row[kId].as<std::string>();
+  record.tenant = row[kTenant].as<std::string>();
   record.number = row[kNumber].as<std::uint64_t>();
   record.sequence = row[kSequence].as<std::uint64_t>();
   record.create_time = TimeOf(row[kCreated]);
   record.end_time = TimeOf(row[kEnded]);
   record.state = static_cast<JobState>(row[kState].as<int>());
+  if (!decoded.ok() && IsTerminal(record.state)) SetDamaged(record);
   if (!row[kAttempt].is_null()) ReadLive(row, record);
   return record;
 }
 
 std::vector<JobRecord> RecordsOf(const pqxx::result& rows) {
   std::vector<JobRecord> records;
-  for (const pqxx::row& row : rows) {
-    auto record = RecordOf(row);
-    if (record.ok()) records.push_back(*std::move(record));
-  }
+  for (const pqxx::row& row : rows) records.push_back(RecordOf(row));
   return records;
 }
 
@@ -146,6 +154,13 @@ std::string IntervalOf(absl::Duration duration) {
 }
 
 namespace {
+
+/// A full disk is one that does not answer now: whoever has a change to write
+/// tries again.
+absl::Status Passing(const absl::Status& error) {
+  if (!absl::IsResourceExhausted(error)) return error;
+  return absl::UnavailableError(error.message());
+}
 
 absl::Status NotFound(const std::string& id) {
   return absl::NotFoundError(absl::StrCat("no job ", id));
@@ -203,21 +218,18 @@ absl::Status UpdateRow(PostgresPool& pool, JobRecord& record) {
   const bool is_over = IsTerminal(record.state);
   std::optional<std::string> hold;
   if (record.hold > absl::ZeroDuration()) hold = IntervalOf(record.hold);
-  ISOMATCH_ASSIGN_OR_RETURN(
-      const pqxx::result rows,
-      pool.Ask(
-          PostgresPool::Repeat::kNever,
-          "SELECT isomatch.update_job($1, $2, $3, $4, $5, $6, $7::interval, "
-          "$8, $9, $10, $11, $12, $13, $14::text[], $15::bytea)",
-          record.id, record.sequence, record.claim,
-          static_cast<int>(record.state), record.attempt, record.faults,
-          OrNull(hold), record.unreadable, record.queue_timeout.has_value(),
-          record.progress.stage, record.progress.stage_fraction,
-          record.progress.total_fraction, ResultBytes(record),
-          ArrayOf(DigestsOf(record.result)),
-          pqxx::binarystring(is_over ? EncodeJobRecord(record)
-                                     : std::string())));
-  const auto sequence = rows[0][0].as<std::int64_t>();
+  const auto asked = pool.Ask(
+      PostgresPool::Repeat::kNever,
+      "SELECT isomatch.update_job($1, $2, $3, $4, $5, $6, $7::interval, "
+      "$8, $9, $10, $11, $12, $13, $14::text[], $15::bytea)",
+      record.id, record.sequence, record.claim, static_cast<int>(record.state),
+      record.attempt, record.faults, OrNull(hold), record.unreadable,
+      record.queue_timeout.has_value(), record.progress.stage,
+      record.progress.stage_fraction, record.progress.total_fraction,
+      ResultBytes(record), ArrayOf(DigestsOf(record.result)),
+      pqxx::binarystring(is_over ? EncodeJobRecord(record) : std::string()));
+  ISOMATCH_RETURN_IF_ERROR(Passing(asked.status()));
+  const auto sequence = asked->front()[0].as<std::int64_t>();
   if (sequence == -1) return NotFound(record.id);
   if (sequence == 0) {
     return absl::AbortedError(absl::StrCat("job ", record.id, " is not at ",

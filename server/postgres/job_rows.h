@@ -24,10 +24,11 @@ extern const char kJobColumns[];
 /// The tables that these are of.
 extern const char kJobTables[];
 
-/// Returns the record of a row of kJobColumns. DATA_LOSS: it cannot be read.
-absl::StatusOr<JobRecord> RecordOf(const pqxx::row& row);
+/// Returns the record of a row of kJobColumns. One that cannot be read is that
+/// of a job without inputs, or if it is over of one that failed for it.
+JobRecord RecordOf(const pqxx::row& row);
 
-/// Returns those of all rows; what cannot be read is left out.
+/// Returns those of all rows.
 std::vector<JobRecord> RecordsOf(const pqxx::result& rows);
 
 /// Returns an array of PostgreSQL with these elements.

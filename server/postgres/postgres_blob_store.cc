@@ -1,5 +1,6 @@
 #include "server/postgres/postgres_blob_store.h"
 
+#include <algorithm>
 #include <memory>
 #include <utility>
 
@@ -37,7 +38,17 @@ PostgresBlobStore::PostgresBlobStore(PostgresPool* pool, const Options& options)
                           : &rows_) {}
 
 absl::Status PostgresBlobStore::Check() {
-  return files_ == nullptr ? absl::OkStatus() : files_->Check();
+  if (files_ != nullptr) return files_->Check();
+  const auto rows =
+      pool_.Ask(Repeat::kOnce,
+                "SELECT mark FROM isomatch.blob_folder WHERE EXISTS "
+                "(SELECT FROM isomatch.blobs WHERE file IS NOT NULL)");
+  ISOMATCH_RETURN_IF_ERROR(BlobStorageError(rows.status()));
+  if (rows->empty()) return absl::OkStatus();
+  return absl::FailedPreconditionError(absl::StrCat(
+      "--blob-dir is not set, expected the folder that has the files of this "
+      "database: its file isomatch-blobs says ",
+      rows->front()[0].as<std::string>()));
 }
 
 absl::Status PostgresBlobStore::Put(const BlobKey& key, std::string bytes,
@@ -81,7 +92,7 @@ absl::Status PostgresBlobStore::MakeRoom(const BlobKey& key, std::int64_t bytes,
         Repeat::kOnce,
         "SELECT isomatch.make_blob_room($1, $2, $3, $4, $5, $6::interval)",
         key.tenant, key.sha256, bytes, room.limit_bytes, room.of_tenant,
-        IntervalOf(options_.grace));
+        IntervalOf(std::min(options_.grace, options_.room_grace)));
     ISOMATCH_RETURN_IF_ERROR(BlobStorageError(missing.status()));
     const pqxx::row row = missing->front();
     const bool is_locked = !row[0].is_null() && row[0].as<std::int64_t>() < 0;
@@ -214,12 +225,11 @@ absl::Status PostgresBlobStore::TryWriting(std::int64_t bytes) {
 bool PostgresBlobStore::CanMakeRoom(std::int64_t bytes) const {
   const std::int64_t most = options_.capacity_bytes - bytes;
   if (size_bytes() <= most) return true;
+  // Also what may go in a moment only.
   const std::optional<std::int64_t> unused = unused_.Read([this] {
     return pool_.Ask(Repeat::kOnce,
                      "SELECT coalesce(sum(bytes), 0)::bigint "
-                     "FROM isomatch.unused_blobs "
-                     "WHERE used_at <= now() - $1::interval",
-                     IntervalOf(options_.grace));
+                     "FROM isomatch.unused_blobs");
   });
   return !unused || size_bytes() - *unused <= most;
 }

@@ -26,8 +26,9 @@ namespace isomatch {
 ///
 /// Pins are no counters of a process here. What stays is
 ///  - what a row of isomatch.job_blobs names, until the job store removes it;
-///  - what was used within `grace`: so long after Put or Pin there may be such
-///    a row.
+///  - what was used within `grace`, or where room is needed `room_grace`: so
+///    long after Put or Pin there may be such a row. CanMakeRoom counts it as
+///    what may go.
 /// So Keep makes no difference, Unpin does nothing, and Remove leaves alone
 /// what is needed. What was just used Tidy removes later, unless it is put or
 /// used again.
@@ -47,6 +48,9 @@ class PostgresBlobStore : public BlobStore {
     /// How long after its last use nobody removes a blob. At least
     /// `use_resolution`, so that what Get takes from the cache is still there.
     absl::Duration grace = absl::Minutes(10);
+    /// The same where room is needed: a job is made within a minute of what it
+    /// needs. At least `use_resolution` longer than that.
+    absl::Duration room_grace = absl::Minutes(2);
     /// Bytes of blobs in memory, which spare the database to send them again.
     std::int64_t cache_bytes = 0;
     /// Of files with content, see BlobFolder; empty for none: then those that

@@ -1,7 +1,9 @@
 #include "server/postgres/postgres_job_store.h"
 
 #include <algorithm>
+#include <cstddef>
 #include <cstdint>
+#include <iterator>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -15,6 +17,11 @@ namespace isomatch {
 namespace {
 
 using Repeat = PostgresPool::Repeat;
+
+/// Jobs that one transaction of Prune removes, so that it ends in time, and one
+/// call.
+constexpr std::size_t kPrunedAtOnce = 500;
+constexpr std::size_t kMostPruned = 10000;
 
 std::string SelectJobs(absl::string_view condition) {
   return absl::StrCat("SELECT ", kJobColumns, "FROM ", kJobTables, condition);
@@ -113,11 +120,20 @@ absl::StatusOr<std::vector<JobRecord>> PostgresJobStore::Prune(
                             pool_.Ask(Repeat::kOnce, kKeptQuery));
   const std::vector<std::string> ids = KeptIn(rows, absl::Now()).Excess(limits);
   std::vector<JobRecord> removed;
-  if (ids.empty()) return removed;
-  ISOMATCH_RETURN_IF_ERROR(pool_.Run([&](pqxx::work& transaction) {
-    removed = RemoveRows(transaction, ids, options_.blob_grace);
-    return absl::OkStatus();
-  }));
+  // The rest the next time.
+  const std::size_t count = std::min<std::size_t>(ids.size(), kMostPruned);
+  for (std::size_t begin = 0; begin < count; begin += kPrunedAtOnce) {
+    const std::size_t end = std::min(begin + kPrunedAtOnce, count);
+    std::vector<JobRecord> piece;
+    ISOMATCH_RETURN_IF_ERROR(pool_.Run([&](pqxx::work& transaction) {
+      piece = RemoveRows(
+          transaction,
+          std::vector<std::string>(ids.begin() + begin, ids.begin() + end),
+          options_.blob_grace);
+      return absl::OkStatus();
+    }));
+    std::move(piece.begin(), piece.end(), std::back_inserter(removed));
+  }
   return removed;
 }
 
@@ -139,7 +155,7 @@ absl::StatusOr<std::optional<JobRecord>> PostgresJobStore::Claim(
                 ArrayOf(request.meshes)));
   std::optional<JobRecord> claimed;
   if (rows.empty()) return claimed;
-  ISOMATCH_ASSIGN_OR_RETURN(claimed, RecordOf(rows[0]));
+  claimed = RecordOf(rows[0]);
   return claimed;
 }
 

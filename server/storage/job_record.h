@@ -171,6 +171,8 @@ struct JobRecord {
   int unreadable = 0;
   /// How long it is to be held once it is QUEUED again; of changes only.
   absl::Duration hold = absl::ZeroDuration();
+  /// Why; of changes only.
+  std::string hold_reason;
 };
 
 }  // namespace isomatch

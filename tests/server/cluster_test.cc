@@ -279,8 +279,8 @@ TEST_F(ClusterTest, AProcessThatStartsLateGivesWorkersAWholeLease) {
   Do("UPDATE isomatch.live_jobs SET state = 2, claim = 1, worker = 'w', "
      "started = now(), lease_until = now() - interval '1 h'");
   Do("DELETE FROM isomatch.chores");
-  const auto gateway = Start(Config("gateway"));
-  CallAt(*gateway);
+  server_ = Start(Config("gateway"));
+  CallAt(*server_);
   absl::SleepFor(absl::Seconds(1));
   EXPECT_EQ(GetJob(name).state(), v1::Job::STATE_RUNNING);
   WaitFor(name, v1::Job::STATE_QUEUED);
@@ -333,6 +333,54 @@ TEST_F(ClusterTest, MeshesAndResultsMayBeInAFolder) {
       0);
   EXPECT_GT(rows.exec("SELECT count(file) FROM isomatch.blobs")[0][0].as<int>(),
             0);
+}
+
+TEST_F(ClusterTest, WhoeverLacksTheFolderThatHasFilesDoesNotStart) {
+  const TemporaryFolder folder;
+  ServerConfig config = Config("all");
+  config.blob_dir = folder.Path("");
+  {
+    const auto all = Start(config);
+    CallAt(*all);
+    WaitFor(CreateJob(), v1::Job::STATE_SUCCEEDED);
+    all->Shutdown(absl::ZeroDuration());
+  }
+  EXPECT_THAT(
+      Server::Create(Config("worker"), GatedEngine(), nullptr, OpenAnyStores),
+      StatusIs(absl::StatusCode::kFailedPrecondition,
+               testing::HasSubstr("--blob-dir is not set")));
+}
+
+TEST_F(ClusterTest, AFullDiskCostsAJobNeitherItsResultNorAnAttempt) {
+  gate_open_ = false;
+  const auto worker = Start(Config("worker"));
+  const std::string name = CreateJob();
+  WaitForMatches(1);
+  Do("CREATE FUNCTION isomatch.full() RETURNS trigger LANGUAGE plpgsql AS "
+     "$$ BEGIN RAISE 'no space' USING ERRCODE = '53100'; END $$;"
+     "CREATE TRIGGER full_disk BEFORE DELETE ON isomatch.live_jobs "
+     "FOR EACH ROW EXECUTE FUNCTION isomatch.full()");
+  gate_open_ = true;
+  absl::SleepFor(absl::Seconds(3));  // longer than a lease
+  EXPECT_EQ(GetJob(name).state(), v1::Job::STATE_RUNNING);
+  Do("DROP TRIGGER full_disk ON isomatch.live_jobs");
+  EXPECT_EQ(WaitFor(name, v1::Job::STATE_SUCCEEDED).attempt(), 1);
+  EXPECT_EQ(matches_, 1);
+}
+
+TEST_F(ClusterTest, ADamagedRecordFailsItsJobOnly) {
+  const std::string damaged = CreateJob();
+  const std::string whole = CreateJob();
+  Do("UPDATE isomatch.jobs SET record = 'damaged' WHERE id = '" +
+     damaged.substr(damaged.find('/') + 1) + "'");
+  const auto worker = Start(Config("worker"));
+  EXPECT_EQ(WaitFor(damaged, v1::Job::STATE_FAILED).error().reason(),
+            "CONTENT_LOST");
+  WaitFor(whole, v1::Job::STATE_SUCCEEDED);
+  Do("UPDATE isomatch.jobs SET record = 'damaged'");
+  EXPECT_EQ(GetJob(whole).error().reason(), "CONTENT_LOST");
+  EXPECT_TRUE(Delete(whole).ok());
+  EXPECT_TRUE(Delete(damaged).ok());
 }
 
 TEST_F(ClusterTest, AFolderOfAnotherDatabaseIsRefused) {

@@ -61,6 +61,16 @@ TEST(JobLogTest, TheTraceThatItIsPartOfIsTold) {
   EXPECT_FALSE(Logged(Job(JobState::kRunning)).contains("trace_id"));
 }
 
+TEST(JobLogTest, WhyAJobIsHeldIsTold) {
+  JobRecord job = Job(JobState::kQueued);
+  job.hold = absl::Seconds(4);
+  job.hold_reason = "its mesh is in a file";
+  const nlohmann::json line = Logged(job);
+  EXPECT_EQ(line["held"], "its mesh is in a file");
+  EXPECT_EQ(line["message"],
+            "job abc QUEUED after 3.0 s, held for 4s: its mesh is in a file");
+}
+
 TEST(JobLogTest, AFailureIsAWarningWithReasonAndCode) {
   JobRecord job = Job(JobState::kFailed);
   job.error = JobError{absl::StatusCode::kDeadlineExceeded, "RUN_TIMEOUT",

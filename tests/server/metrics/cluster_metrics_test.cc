@@ -190,6 +190,27 @@ TEST_F(ClusterMetricsTest, TablesThatAreTooNewAreNoReadiness) {
   WaitForValue("claims_total", 1);
 }
 
+TEST_F(ClusterMetricsTest, WhoIsRefusedWhatItHasToDoIsNotReady) {
+  for (const std::string function :
+       {"claim_job(text, bigint, bigint, interval, int, int, int, int, text[])",
+        "keep_watched(text[], interval)"}) {
+    const bool is_needed = function[0] == 'c';
+    WaitUntilReady(true);
+    Do("ALTER FUNCTION isomatch." + function + " RENAME TO gone");
+    if (is_needed) {
+      WaitUntilReady(false);
+      EXPECT_THAT(Ask("/readyz"), HasSubstr("claim_job"));
+    } else {
+      absl::SleepFor(absl::Seconds(1));
+      EXPECT_THAT(Ask("/readyz"), StartsWith("HTTP/1.1 200"));
+    }
+    EXPECT_EQ(Value("database_up"), 1);  // it answers
+    Do("ALTER FUNCTION isomatch.gone RENAME TO " +
+       function.substr(0, function.find('(')));
+  }
+  WaitUntilReady(true);
+}
+
 TEST_F(ClusterMetricsTest, AJobThatOthersTookIsALostLease) {
   gate_open_ = false;
   CreateJob();

@@ -101,17 +101,28 @@ TEST_F(PostgresBlobStoreTest, WhatWasJustUsedStays) {
   const std::string big(60, 'b');
   Age(9 * 60);
   store->Remove(key);
+  EXPECT_TRUE(store->Pin(key));  // again
+  Age(110);
   EXPECT_THAT(store->Put(KeyOf(big), big, Keep::kWhileRoom),
               StatusIs(absl::StatusCode::kResourceExhausted, _));
-  EXPECT_FALSE(store->CanMakeRoom(60));
+  EXPECT_TRUE(store->CanMakeRoom(60)) << "in a moment there will be room";
   EXPECT_FALSE(store->MakeTenantRoom(KeyOf(big), 60, 100));
-  EXPECT_TRUE(store->Pin(key));  // again
+  Age(11);
+  EXPECT_TRUE(store->CanMakeRoom(60));
+  Put(*store, big);
+  EXPECT_FALSE(store->Has(key));
+}
+
+TEST_F(PostgresBlobStoreTest, WhatIsRemovedWithoutNeedStaysForLonger) {
+  Options options = ExactOptions(100);
+  options.grace = absl::Minutes(10);
+  const auto store = Make(options);
+  const BlobKey key = Put(*store, std::string(60, 'a'));
   Age(9 * 60);
   store->Remove(key);
   EXPECT_TRUE(store->Has(key));
   Age(11 * 60);
-  EXPECT_TRUE(store->CanMakeRoom(60));
-  Put(*store, big);
+  store->Remove(key);
   EXPECT_FALSE(store->Has(key));
 }
 

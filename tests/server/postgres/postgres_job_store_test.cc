@@ -337,6 +337,23 @@ TEST_F(PostgresQueueTest, WhatARemovedJobLeavesIsDueEvenIfNobodyRemovesIt) {
   EXPECT_EQ((*due)[1][0].as<int>(), 7);
 }
 
+TEST_F(PostgresQueueTest, ManyThatAreTooOldGoInPieces) {
+  const auto insert = kept_->pool().Ask(
+      PostgresPool::Repeat::kOnce,
+      "INSERT INTO isomatch.jobs (id, number, tenant, request_id, state, "
+      "sequence, created, ended, labels, inputs, record) SELECT 'old-' || i, "
+      "1000000 + i, 't', '', 4, i, now(), now() - interval '1 day', '{}', "
+      "'{}', '' FROM generate_series(1, 12000) AS i");
+  ASSERT_THAT(insert, IsOk());
+  Insert(Job("live"));
+  const auto removed = store().Prune({.max_jobs = 1});
+  ASSERT_THAT(removed, IsOk());
+  EXPECT_THAT(*removed, SizeIs(10000));
+  EXPECT_THAT(*store().Prune({.max_jobs = 1}), SizeIs(1999));
+  EXPECT_THAT(*store().Prune({.max_jobs = 1}), IsEmpty());
+  EXPECT_THAT(store().Get("live"), IsOk());
+}
+
 TEST_F(PostgresQueueTest, TheNextWorkerKnowsHowOftenAJobWasHeld) {
   Insert(Job("a"));
   const auto claim_and_hold = [&](absl::Duration hold, int unreadable) {
