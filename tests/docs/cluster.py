@@ -32,7 +32,7 @@ class Cluster:
 
     def __init__(self, folder, store=""):
         self.folder = folder
-        self.folder.mkdir()
+        self.folder.mkdir(exist_ok=True)
         self.own_store = f"postgresql://isomatch@/isomatch?host={folder}"
         port = free_port((0, 1, 1000, 1001, 2000, 2001))
         self.address = f"127.0.0.1:{port},127.0.0.1:{port + 1}"
