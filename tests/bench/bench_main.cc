@@ -141,6 +141,9 @@ CLI::App* AddQueueCommand(CLI::App* app, Arguments* arguments) {
             "Jobs that wait while CreateJob is timed");
   add_count("--passing", queue.passing,
             "Jobs that pass while the size of the table is watched");
+  command->add_flag("--namespaces", queue.namespaces,
+                    "Each worker is in a network namespace of its own, as on a "
+                    "machine of its own; needs root");
   command->add_flag("!--no-fsync", queue.fsync,
                     "The database does not wait for its disk");
   return command;

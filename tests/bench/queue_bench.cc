@@ -8,6 +8,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <string>
@@ -31,6 +32,7 @@
 #include "server/postgres/postgres_job_store.h"
 #include "server/server.h"
 #include "server/shared_stores.h"
+#include "tests/bench/worker_networks.h"
 #include "tests/support/postgres_server.h"
 
 namespace isomatch::bench {
@@ -39,6 +41,8 @@ namespace {
 /// In a second.
 constexpr double kMillisecond = 1e3;
 constexpr int kTenants = 5;
+/// Workers that jobs pass through while the table is watched.
+constexpr int kPassWorkers = 4;
 
 double SecondsSince(absl::Time begin) {
   return absl::ToDoubleSeconds(absl::Now() - begin);
@@ -69,10 +73,17 @@ double ProcessorSeconds(pid_t postmaster) {
 
 class Queue {
  public:
-  static absl::StatusOr<std::unique_ptr<Queue>> Open(bool fsync, int workers) {
+  static absl::StatusOr<std::unique_ptr<Queue>> Open(
+      const QueueSelection& selection, int workers) {
     auto queue = std::make_unique<Queue>();
-    ISOMATCH_ASSIGN_OR_RETURN(queue->server_,
-                              PostgresServer::Start({.fsync = fsync}));
+    PostgresServer::Options options = {.fsync = selection.fsync};
+    if (selection.namespaces) {
+      ISOMATCH_ASSIGN_OR_RETURN(queue->networks_,
+                                WorkerNetworks::Make(workers));
+      options.address = WorkerNetworks::kAddress;
+      options.network = WorkerNetworks::kNetwork;
+    }
+    ISOMATCH_ASSIGN_OR_RETURN(queue->server_, PostgresServer::Start(options));
     ISOMATCH_ASSIGN_OR_RETURN(
         queue->pool_, PostgresPool::Open({.url = queue->server_->url(),
                                           .connections = workers + 4,
@@ -93,6 +104,18 @@ class Queue {
   std::string url() const { return server_->url(); }
   double processor_seconds() const { return ProcessorSeconds(server_->id()); }
 
+  /// A store that a worker, this thread, has to itself.
+  absl::StatusOr<std::unique_ptr<PostgresPool>> OpenForWorker(
+      int worker) const {
+    if (networks_ != nullptr) {
+      ISOMATCH_RETURN_IF_ERROR(networks_->Enter(worker));
+    }
+    return PostgresPool::Open(
+        {.url = networks_ != nullptr ? server_->tcp_url() : server_->url(),
+         .connections = 1,
+         .patience = absl::Seconds(30)});
+  }
+
   absl::Status Insert(int count) {
     for (int i = 0; i < count; ++i) {
       JobRecord job;
@@ -106,18 +129,19 @@ class Queue {
 
   /// Claims a job, holds it, and ends it as its worker does; false when there
   /// is none.
-  absl::StatusOr<bool> Work(const std::string& worker, double seconds) {
+  static absl::StatusOr<bool> Work(PostgresJobStore& store,
+                                   const std::string& worker, double seconds) {
     ClaimRequest request;
     request.worker = worker;
     request.free_bytes = request.total_bytes = 1 << 30;
     request.max_running_per_tenant = 1 << 20;
     ISOMATCH_ASSIGN_OR_RETURN(std::optional<JobRecord> job,
-                              store_->Claim(request));
+                              store.Claim(request));
     if (!job) return false;
     if (seconds > 0) absl::SleepFor(absl::Seconds(seconds));
     job->state = JobState::kFailed;
     job->error = {absl::StatusCode::kInternal, "BENCH", "no job at all"};
-    ISOMATCH_RETURN_IF_ERROR(store_->Update(*std::move(job)).status());
+    ISOMATCH_RETURN_IF_ERROR(store.Update(*std::move(job)).status());
     return true;
   }
 
@@ -137,31 +161,52 @@ class Queue {
   }
 
  private:
+  std::unique_ptr<WorkerNetworks> networks_;
   std::unique_ptr<PostgresServer> server_;
   std::unique_ptr<PostgresPool> pool_;
   std::unique_ptr<PostgresJobStore> store_;
   std::int64_t last_ = 0;
 };
 
-/// Lets so many workers empty the queue; the first error of any.
-absl::Status Empty(Queue& queue, int workers, double job_seconds) {
+/// Works until there is no job, or `may_go_on()` is false.
+absl::Status WorkOn(const Queue& queue, int worker, double job_seconds,
+                    const std::function<bool()>& may_go_on) {
+  ISOMATCH_ASSIGN_OR_RETURN(const std::unique_ptr<PostgresPool> pool,
+                            queue.OpenForWorker(worker));
+  PostgresJobStore store(pool.get(), PostgresJobStore::Options());
+  const std::string name = absl::StrCat("worker-", worker);
+  while (may_go_on()) {
+    ISOMATCH_ASSIGN_OR_RETURN(const bool has_worked,
+                              Queue::Work(store, name, job_seconds));
+    if (!has_worked) return absl::NotFoundError("no job");
+  }
+  return absl::OkStatus();
+}
+
+/// Calls `work(worker)` in a thread of each; what went wrong.
+absl::Status WithWorkers(int workers,
+                         const std::function<absl::Status(int)>& work) {
   std::mutex mutex;
   absl::Status worst;
   std::vector<std::thread> threads;
   for (int w = 0; w < workers; ++w) {
     threads.emplace_back([&, w] {
-      while (true) {
-        const auto has_worked =
-            queue.Work(absl::StrCat("worker-", w), job_seconds);
-        if (has_worked.ok() && *has_worked) continue;
-        const std::lock_guard lock(mutex);
-        if (!has_worked.ok()) worst = has_worked.status();
-        return;
-      }
+      const absl::Status ended = work(w);
+      const std::lock_guard lock(mutex);
+      worst.Update(ended);
     });
   }
   for (std::thread& thread : threads) thread.join();
   return worst;
+}
+
+/// Lets so many workers empty the queue.
+absl::Status Empty(const Queue& queue, int workers, double job_seconds) {
+  return WithWorkers(workers, [&](int worker) {
+    const absl::Status ended =
+        WorkOn(queue, worker, job_seconds, [] { return true; });
+    return absl::IsNotFound(ended) ? absl::OkStatus() : ended;
+  });
 }
 
 absl::Status MeasureClaims(Queue& queue, const QueueSelection& selection,
@@ -246,26 +291,13 @@ absl::Status MeasureCreateJob(Queue& queue, const QueueSelection& selection,
 
 /// As many jobs come as end, so that as many wait as before.
 absl::Status Pass(Queue& queue, int jobs) {
-  constexpr int kWorkers = 4;
   std::atomic<int> left = jobs;
-  std::mutex mutex;
-  absl::Status worst;
-  std::vector<std::thread> workers;
-  for (int w = 0; w < kWorkers; ++w) {
-    workers.emplace_back([&, w] {
-      while (--left >= 0) {
-        const auto worked = queue.Work(absl::StrCat("worker-", w), 0);
-        if (worked.ok() && *worked) continue;
-        const std::lock_guard lock(mutex);
-        worst = worked.ok() ? absl::InternalError("a claim found no job")
-                            : worked.status();
-        return;
-      }
-    });
-  }
-  const absl::Status inserted = queue.Insert(jobs);
-  for (std::thread& worker : workers) worker.join();
-  return inserted.ok() ? worst : inserted;
+  // The one more inserts.
+  return WithWorkers(kPassWorkers + 1, [&](int worker) {
+    if (worker == kPassWorkers) return queue.Insert(jobs);
+    return WorkOn(queue, worker, /*job_seconds=*/0,
+                  [&] { return --left >= 0; });
+  });
 }
 
 absl::Status MeasureTable(Queue& queue, const QueueSelection& selection,
@@ -300,8 +332,9 @@ absl::Status RunQueue(const QueueSelection& selection,
   SetUpLog("warn", LogFormat::kText);
   const int most =
       *std::max_element(selection.workers.begin(), selection.workers.end());
-  ISOMATCH_ASSIGN_OR_RETURN(const std::unique_ptr<Queue> queue,
-                            Queue::Open(selection.fsync, most));
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const std::unique_ptr<Queue> queue,
+      Queue::Open(selection, std::max(most, kPassWorkers)));
   nlohmann::json out;
   ISOMATCH_RETURN_IF_ERROR(MeasureClaims(*queue, selection, out));
   ISOMATCH_RETURN_IF_ERROR(MeasureCreateJob(*queue, selection, out));

@@ -20,6 +20,8 @@ struct QueueSelection {
   int passing = 100000;
   /// Whether the database waits for its disk, as it does by default.
   bool fsync = true;
+  /// Whether workers reach the database by an Ethernet of their own.
+  bool namespaces = false;
 };
 
 /// Prints what a queue on PostgreSQL can do, on a server of its own:

@@ -3,6 +3,7 @@
 #include <csignal>
 #include <cstdlib>
 #include <filesystem>
+#include <fstream>
 #include <vector>
 
 #include <sys/wait.h>
@@ -103,6 +104,10 @@ absl::StatusOr<std::unique_ptr<PostgresServer>> PostgresServer::Start(
       new PostgresServer(std::move(program), options));
   std::filesystem::copy(fresh, server->folder_.Path("data"),
                         std::filesystem::copy_options::recursive);
+  if (!options.network.empty()) {
+    std::ofstream(server->folder_.Path("data/pg_hba.conf"), std::ios::app)
+        << "host all all " << options.network << " trust\n";
+  }
   ISOMATCH_RETURN_IF_ERROR(server->Restart());
   return server;
 }
@@ -116,6 +121,10 @@ PostgresServer::~PostgresServer() {
 std::string PostgresServer::url() const {
   return absl::StrCat("postgresql://isomatch@/isomatch?host=",
                       folder_.Path(""));
+}
+
+std::string PostgresServer::tcp_url() const {
+  return absl::StrCat("postgresql://isomatch@", options_.address, "/isomatch");
 }
 
 void PostgresServer::Kill() {
@@ -135,12 +144,12 @@ absl::Status PostgresServer::Restart() {
   Kill();
   const std::string fsync = options_.fsync ? "on" : "off";
   ISOMATCH_ASSIGN_OR_RETURN(
-      id_,
-      SpawnAsUser({.words = {program_, "-D", folder_.Path("data"), "-k",
-                             folder_.Path(""), "-h", "", "-c", "fsync=" + fsync,
-                             "-c", "full_page_writes=" + fsync, "-c",
-                             "dynamic_shared_memory_type=mmap"},
-                   .output = folder_.Path("log")}));
+      id_, SpawnAsUser(
+               {.words = {program_, "-D", folder_.Path("data"), "-k",
+                          folder_.Path(""), "-h", options_.address, "-c",
+                          "fsync=" + fsync, "-c", "full_page_writes=" + fsync,
+                          "-c", "dynamic_shared_memory_type=mmap"},
+                .output = folder_.Path("log")}));
   return WaitUntilItAnswers();
 }
 

@@ -25,6 +25,10 @@ class PostgresServer {
     /// Whether it waits for the disk. Without that, what was committed survives
     /// Kill, but not the loss of power.
     bool fsync = false;
+    /// Also listens at this address, on port 5432; empty for none.
+    std::string address = "";
+    /// From where it can be reached, as ADDRESS/BITS.
+    std::string network = "";
   };
 
   /// Starts one, half a second the first time in a process, then a tenth.
@@ -40,6 +44,8 @@ class PostgresServer {
 
   /// For libpq; stays the same after Restart.
   std::string url() const;
+  /// The same by its address.
+  std::string tcp_url() const;
 
   /// The folder of its socket, and the socket.
   std::string folder() const { return folder_.Path(""); }
