@@ -368,6 +368,27 @@ TEST_F(ClusterTest, AFullDiskCostsAJobNeitherItsResultNorAnAttempt) {
   EXPECT_EQ(matches_, 1);
 }
 
+/// Another role than that of `migrate`, with the rights of server/README.md.
+TEST_F(ClusterTest, ARoleThatMayUseTheTablesIsEnough) {
+  Do("DROP ROLE IF EXISTS r");
+  Do("CREATE ROLE r LOGIN;"
+     "GRANT USAGE ON SCHEMA isomatch TO r;"
+     "GRANT SELECT, INSERT, UPDATE, DELETE ON ALL TABLES IN SCHEMA isomatch "
+     "TO r; GRANT USAGE ON ALL SEQUENCES IN SCHEMA isomatch TO r");
+  ServerConfig config = Config("all");
+  config.store = "postgresql://r@/isomatch?host=" + (*TheServer())->folder();
+  {
+    const auto all = Start(config);
+    CallAt(*all);
+    const std::string name = CreateJob();
+    WaitFor(name, v1::Job::STATE_SUCCEEDED);
+    EXPECT_TRUE(Delete(name).ok());
+    EXPECT_EQ(Cancel(CreateJob()).state(), v1::Job::STATE_CANCELLED);
+    all->Shutdown(absl::ZeroDuration());
+  }
+  Do("DROP OWNED BY r; DROP ROLE r");
+}
+
 TEST_F(ClusterTest, ADamagedRecordFailsItsJobOnly) {
   const std::string damaged = CreateJob();
   const std::string whole = CreateJob();
