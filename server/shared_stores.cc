@@ -26,19 +26,29 @@ int Connections(const ServerConfig& config) {
   return kOthers + (config.runs_jobs() ? config.workers : 0);
 }
 
+/// Returns the first line of the file.
+absl::StatusOr<std::string> ReadPassword(const std::string& path) {
+  constexpr std::int64_t kMostBytes = 4096;
+  auto text = ReadWholeFile(path, kMostBytes);
+  if (!text.ok()) {
+    return absl::UnavailableError(absl::StrCat("--store-password-file = ", path,
+                                               ": ", text.status().message()));
+  }
+  std::string password = text->substr(0, text->find('\n'));
+  if (!password.empty()) return password;
+  return absl::UnavailableError(
+      absl::StrCat("--store-password-file = ", path,
+                   " is empty, expected the password in its first line"));
+}
+
 absl::StatusOr<std::unique_ptr<PostgresPool>> OpenPool(
     const ServerConfig& config) {
   PostgresPool::Options options = {.url = config.store,
                                    .connections = Connections(config)};
   if (!config.store_password_file.empty()) {
-    constexpr std::int64_t kMostBytes = 4096;
-    auto password = ReadWholeFile(config.store_password_file, kMostBytes);
-    if (!password.ok()) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("--store-password-file = ", config.store_password_file,
-                       ": ", password.status().message()));
-    }
-    options.password = password->substr(0, password->find('\n'));
+    options.password = [path = config.store_password_file] {
+      return ReadPassword(path);
+    };
   }
   return PostgresPool::Open(std::move(options));
 }

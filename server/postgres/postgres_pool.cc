@@ -59,7 +59,8 @@ std::string Escaped(const std::string& text, bool is_url) {
 }
 
 /// Returns the whole text that libpq connects by.
-std::string ConnectionText(const PostgresPool::Options& options) {
+std::string ConnectionText(const PostgresPool::Options& options,
+                           const std::string& password) {
   const std::int64_t milliseconds = absl::ToInt64Milliseconds(options.patience);
   const bool is_url = absl::StrContains(options.url, "://");
   std::vector<std::string> settings = {
@@ -71,9 +72,8 @@ std::string ConnectionText(const PostgresPool::Options& options) {
       "keepalives_interval=2",
       "keepalives_count=3",
       "application_name=isomatch"};
-  if (!options.password.empty()) {
-    settings.push_back(
-        absl::StrCat("password=", Escaped(options.password, is_url)));
+  if (!password.empty()) {
+    settings.push_back(absl::StrCat("password=", Escaped(password, is_url)));
   }
   if (!is_url)
     return absl::StrCat(options.url, " ", absl::StrJoin(settings, " "));
@@ -134,11 +134,21 @@ absl::StatusOr<PostgresPool::Connection> PostgresPool::Take() {
   return connection;
 }
 
-PostgresPool::Connection PostgresPool::Connect() {
+absl::StatusOr<PostgresPool::Connection> PostgresPool::Connect() {
   bool has_connected = false;
   const auto ended = absl::MakeCleanup([&] { EndProbe(has_connected); });
+  std::string password;
+  if (options_.password != nullptr) {
+    absl::StatusOr<std::string> found = options_.password();
+    if (!found.ok()) {
+      ++errors_;
+      return absl::UnavailableError(
+          absl::StrCat("database: ", found.status().message()));
+    }
+    password = *std::move(found);
+  }
   auto connection =
-      std::make_unique<pqxx::connection>(ConnectionText(options_));
+      std::make_unique<pqxx::connection>(ConnectionText(options_, password));
   has_connected = true;
   return connection;
 }
@@ -220,7 +230,9 @@ absl::Status PostgresPool::TryOnce(const Attempt& attempt, bool* may_repeat) {
         absl::StrCat("database: ", FirstLine(error.what())));
   };
   try {
-    if (!is_old) lease.connection() = Connect();
+    if (!is_old) {
+      ISOMATCH_ASSIGN_OR_RETURN(lease.connection(), Connect());
+    }
     return attempt(*lease.connection(), &is_done);
   } catch (const pqxx::broken_connection& error) {
     return unavailable(error);

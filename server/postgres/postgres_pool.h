@@ -27,8 +27,10 @@ class PostgresPool {
     /// form. What it leaves out libpq takes from its environment (PGPASSWORD,
     /// PGPASSFILE, ...).
     std::string url;
-    /// Added to it, if not empty.
-    std::string password = "";
+    /// Asked for the password at each new connection, so that one that is
+    /// changed meanwhile is the next one's; null when the URL has it. Its error
+    /// is that of the connection, UNAVAILABLE.
+    std::function<absl::StatusOr<std::string>()> password = nullptr;
     /// Transactions at the same time; others wait for their turn.
     int connections = 8;
     /// How long a call may wait for a connection, a new connection for its
@@ -109,7 +111,8 @@ class PostgresPool {
   /// wait for what it finds, for a second at most.
   absl::Status WaitForProbe() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void EndProbe(bool has_connected);
-  Connection Connect();
+  /// UNAVAILABLE: no password; throws what libpqxx throws.
+  absl::StatusOr<Connection> Connect();
 
   const Options options_;
   std::atomic<std::int64_t> errors_ = 0;

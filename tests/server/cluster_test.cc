@@ -414,6 +414,24 @@ TEST_F(ClusterTest, AFolderOfAnotherDatabaseIsRefused) {
                        testing::HasSubstr("not the folder of this database")));
 }
 
+TEST_F(ClusterTest, APasswordFileWithoutAPasswordIsRefused) {
+  const TemporaryFolder folder;
+  ServerConfig config = Config("gateway");
+  for (const std::string& text : {std::string(), std::string("\nsecond")}) {
+    config.store_password_file = folder.Write("password", text);
+    EXPECT_THAT(
+        OpenAnyStores(config).status(),
+        StatusIs(absl::StatusCode::kUnavailable,
+                 testing::HasSubstr("--store-password-file = " +
+                                    folder.Path("password") + " is empty")));
+  }
+  config.store_password_file = folder.Path("none");
+  EXPECT_THAT(OpenAnyStores(config).status(),
+              StatusIs(absl::StatusCode::kUnavailable,
+                       testing::HasSubstr("--store-password-file = " +
+                                          folder.Path("none") + ": cannot")));
+}
+
 class ClusterUploadTest : public ClusterTest {
  protected:
   /// Begins an upload at `offset`, sends `bytes`, and cancels or ends it.
