@@ -71,9 +71,13 @@ absl::Status Migrate(PostgresPool& pool) {
 
 absl::Status CheckSchema(PostgresPool& pool) {
   Version version;
-  ISOMATCH_RETURN_IF_ERROR(pool.Run([&](pqxx::work& transaction) {
+  const absl::Status read = pool.Run([&](pqxx::work& transaction) {
     return ReadVersion(transaction, &version);
-  }));
+  });
+  if (absl::IsPermissionDenied(read)) {
+    return absl::FailedPreconditionError(read.message());
+  }
+  ISOMATCH_RETURN_IF_ERROR(read);
   ISOMATCH_RETURN_IF_ERROR(CheckKnown(version));
   if (version.number >= kNumSchemaFiles) return absl::OkStatus();
   return absl::FailedPreconditionError(absl::StrCat(

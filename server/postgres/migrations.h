@@ -15,7 +15,7 @@ absl::Status Migrate(PostgresPool& pool);
 
 /// Returns OK when the tables are those of this program, or newer ones that it
 /// can work with. FAILED_PRECONDITION, which says what to do, when they are
-/// not.
+/// not, or when the role may not read them.
 absl::Status CheckSchema(PostgresPool& pool);
 
 }  // namespace isomatch

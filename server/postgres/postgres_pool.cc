@@ -29,6 +29,13 @@ absl::Status ErrorOf(const pqxx::sql_error& error) {
   const std::string state = error.sqlstate();
   const std::string message =
       absl::StrCat("database: ", FirstLine(error.what()));
+  // libpqxx 6 does not tell the state of this one.
+  if (dynamic_cast<const pqxx::insufficient_privilege*>(&error) != nullptr) {
+    return absl::PermissionDeniedError(absl::StrCat(
+        message,
+        "; the role of --store needs rights on the schema isomatch, see "
+        "server/README.md"));
+  }
   if (state == "23505") return absl::AlreadyExistsError(message);
   if (state == "23503") return absl::FailedPreconditionError(message);
   if (state == "53100") return absl::ResourceExhaustedError(message);
@@ -39,7 +46,8 @@ absl::Status ErrorOf(const pqxx::sql_error& error) {
       return absl::UnavailableError(message);
     }
   }
-  return absl::InternalError(absl::StrCat(message, " (", state, ")"));
+  return absl::InternalError(
+      state.empty() ? message : absl::StrCat(message, " (", state, ")"));
 }
 
 /// Returns `text` as a URL's query, or a connection string, may have it.

@@ -61,7 +61,8 @@ class PostgresPool {
   /// a commit that was under way it may have happened); RESOURCE_EXHAUSTED: the
   /// database's disk is full; ABORTED: a deadlock, may be tried again;
   /// ALREADY_EXISTS and FAILED_PRECONDITION: a unique or a foreign key;
-  /// DATA_LOSS: damaged pages; INTERNAL: whatever else.
+  /// PERMISSION_DENIED: rights that the role does not have; DATA_LOSS: damaged
+  /// pages; INTERNAL: whatever else.
   absl::Status Run(const Work& work);
 
   /// Runs `statement`. Errors as Run.

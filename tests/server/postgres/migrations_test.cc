@@ -122,5 +122,21 @@ TEST_F(MigrationsTest, NewerTablesThatAllowThisProgramAreAccepted) {
   EXPECT_EQ(Migrations(), before);
 }
 
+TEST_F(MigrationsTest, ARoleWithoutRightsHearsWhichItNeeds) {
+  Ask("DO $$ BEGIN CREATE ROLE stranger LOGIN; "
+      "EXCEPTION WHEN duplicate_object THEN END $$");
+  const auto pool = PostgresPool::Open(
+      {.url = absl::StrCat("postgresql://stranger@/isomatch?host=",
+                           (*TheServer())->folder())});
+  ASSERT_THAT(pool, IsOk());
+  EXPECT_THAT(CheckSchema(**pool),
+              StatusIs(absl::StatusCode::kFailedPrecondition,
+                       HasSubstr("the role of --store needs rights on the "
+                                 "schema isomatch")));
+  Ask("GRANT USAGE ON SCHEMA isomatch TO stranger");
+  Ask("GRANT SELECT ON ALL TABLES IN SCHEMA isomatch TO stranger");
+  EXPECT_THAT(CheckSchema(**pool), IsOk());
+}
+
 }  // namespace
 }  // namespace isomatch

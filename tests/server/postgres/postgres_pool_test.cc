@@ -15,7 +15,9 @@
 namespace isomatch {
 namespace {
 
+using testing::AllOf;
 using testing::HasSubstr;
+using testing::Not;
 
 constexpr auto kUnavailable = absl::StatusCode::kUnavailable;
 
@@ -86,6 +88,18 @@ TEST_F(PasswordTest, WithoutItThereIsNoConnectionUntilItIsThereAgain) {
   EXPECT_GE((*pool)->errors(), 2);
   password_ = "one";
   EXPECT_THAT(Use(**pool), IsOk());
+}
+
+TEST_F(PasswordTest, SaysWhichRightsAreMissing) {
+  Do("CREATE SCHEMA isomatch");
+  const auto pool = Open();
+  ASSERT_THAT(pool, IsOk());
+  EXPECT_THAT(
+      (*pool)->Ask(PostgresPool::Repeat::kOnce, "SELECT FROM isomatch.jobs"),
+      StatusIs(absl::StatusCode::kPermissionDenied,
+               AllOf(HasSubstr("permission denied for schema isomatch; the "
+                               "role of --store needs rights"),
+                     HasSubstr("server/README.md"), Not(HasSubstr("()")))));
 }
 
 }  // namespace
