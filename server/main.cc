@@ -228,13 +228,13 @@ int Serve(const ServerConfig& config) {
 
 /// Returns the exit status.
 int MigrateTables(const ServerConfig& config) {
-  const absl::Status migrated = MigrateStore(config);
+  const absl::StatusOr<std::string> migrated = MigrateStore(config);
   if (migrated.ok()) {
-    std::cout << "the tables of --store are those of isomatch-server "
-              << kVersion << "\n";
+    std::cout << *migrated << "\n";
     return 0;
   }
-  std::cerr << "isomatch-server: --store: " << migrated.message() << "\n";
+  std::cerr << "isomatch-server: migrate: " << migrated.status().message()
+            << "\n";
   return 1;
 }
 

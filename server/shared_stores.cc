@@ -81,10 +81,20 @@ absl::StatusOr<Stores> OpenAnyStores(const ServerConfig& config) {
   return stores;
 }
 
-absl::Status MigrateStore(const ServerConfig& config) {
+absl::StatusOr<std::string> MigrateStore(const ServerConfig& config) {
   ISOMATCH_ASSIGN_OR_RETURN(const std::unique_ptr<PostgresPool> pool,
                             OpenPool(config));
-  return Migrate(*pool);
+  ISOMATCH_ASSIGN_OR_RETURN(const Migrated migrated, Migrate(*pool));
+  const auto& [database, from, to] = migrated;
+  if (from == to) {
+    return absl::StrCat("nothing to do: the tables of ", database,
+                        " have version ", to);
+  }
+  if (from == 0) {
+    return absl::StrCat("made the tables of ", database, ", version ", to);
+  }
+  return absl::StrCat("brought the tables of ", database, " from version ",
+                      from, " to ", to);
 }
 
 }  // namespace isomatch

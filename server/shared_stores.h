@@ -1,5 +1,7 @@
 #pragma once
 
+#include <string>
+
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "server/config/server_config.h"
@@ -13,7 +15,8 @@ namespace isomatch {
 absl::StatusOr<Stores> OpenAnyStores(const ServerConfig& config);
 
 /// Makes the tables of the database config.store, or brings them up to date.
-/// Errors as OpenAnyStores.
-absl::Status MigrateStore(const ServerConfig& config);
+/// Returns a sentence that says which database that is, and what it had and
+/// has. Errors as OpenAnyStores.
+absl::StatusOr<std::string> MigrateStore(const ServerConfig& config);
 
 }  // namespace isomatch

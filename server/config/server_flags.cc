@@ -296,12 +296,28 @@ struct Actions {
   std::optional<std::string> health_address;
 };
 
+/// What its --help says of flags: those that it uses, which are the server's.
+std::string MigrateFooter(const CLI::App& app) {
+  std::string text = "\nFlags of the server that say where:\n";
+  for (const char* flag : {"--store", "--store-password-file"}) {
+    const CLI::Option& option = *app.get_option(flag);
+    absl::StrAppend(&text, "  ", flag, " ", option.get_type_name(),
+                    " (Env:", option.get_envname(), ")\n      ",
+                    option.get_description(), "\n");
+  }
+  absl::StrAppend(&text,
+                  "\nExample:\n  isomatch-server migrate --store "
+                  "postgresql://isomatch@db/isomatch");
+  return text;
+}
+
 void AddActions(CLI::App& app, Actions& actions) {
   app.set_version_flag("--version", absl::StrCat("isomatch-server ", kVersion));
   actions.migrate =
       app.add_subcommand("migrate",
                          "Makes or updates the tables of --store, then exits")
           ->fallthrough();
+  actions.migrate->footer(MigrateFooter(app));
   app.add_flag("--print-config", actions.print_config,
                "Prints the values of all flags, as a file for --config")
       ->configurable(false);

@@ -40,33 +40,43 @@ absl::Status CheckKnown(const Version& version) {
       ": a newer isomatch-server has migrated it"));
 }
 
+std::string NameOf(pqxx::connection_base& database) {
+  return absl::StrCat(database.dbname(), " at ", database.hostname());
+}
+
 /// Does the next migration that is missing; `is_done` when there is none.
-absl::Status MigrateOnce(pqxx::work& transaction, bool* is_done) {
+/// `version` is what it found.
+absl::Status MigrateOnce(pqxx::work& transaction, Version* version,
+                         bool* is_done) {
   transaction.exec(kLock);
-  Version version;
-  ISOMATCH_RETURN_IF_ERROR(ReadVersion(transaction, &version));
-  ISOMATCH_RETURN_IF_ERROR(CheckKnown(version));
-  *is_done = version.number >= kNumSchemaFiles;
+  ISOMATCH_RETURN_IF_ERROR(ReadVersion(transaction, version));
+  ISOMATCH_RETURN_IF_ERROR(CheckKnown(*version));
+  *is_done = version->number >= kNumSchemaFiles;
   if (*is_done) return absl::OkStatus();
-  const SchemaFile& next = kSchemaFiles[version.number];
+  const SchemaFile& next = kSchemaFiles[version->number];
   transaction.exec(next.sql);
   transaction.exec_params(
       "INSERT INTO isomatch.migrations (number, name, oldest_program) "
       "VALUES ($1, $2, $3)",
-      version.number + 1, next.name, next.oldest_program);
+      version->number + 1, next.name, next.oldest_program);
   return absl::OkStatus();
 }
 
 }  // namespace
 
-absl::Status Migrate(PostgresPool& pool) {
+absl::StatusOr<Migrated> Migrate(PostgresPool& pool) {
+  Migrated migrated;
   bool is_done = false;
-  while (!is_done) {
+  for (bool is_first = true; !is_done; is_first = false) {
+    Version version;
     ISOMATCH_RETURN_IF_ERROR(pool.Run([&](pqxx::work& transaction) {
-      return MigrateOnce(transaction, &is_done);
+      migrated.database = NameOf(transaction.conn());
+      return MigrateOnce(transaction, &version, &is_done);
     }));
+    if (is_first) migrated.from = version.number;
+    migrated.to = version.number;
   }
-  return absl::OkStatus();
+  return migrated;
 }
 
 absl::Status CheckSchema(PostgresPool& pool) {
@@ -80,9 +90,14 @@ absl::Status CheckSchema(PostgresPool& pool) {
   ISOMATCH_RETURN_IF_ERROR(read);
   ISOMATCH_RETURN_IF_ERROR(CheckKnown(version));
   if (version.number >= kNumSchemaFiles) return absl::OkStatus();
-  return absl::FailedPreconditionError(absl::StrCat(
-      "the database has version ", version.number, " of the tables, expected ",
-      kNumSchemaFiles, ": run isomatch-server migrate --store URL first"));
+  const std::string has =
+      version.number == 0
+          ? "no tables yet"
+          : absl::StrCat("version ", version.number,
+                         " of the tables, expected ", kNumSchemaFiles);
+  return absl::FailedPreconditionError(
+      absl::StrCat("the database has ", has,
+                   ": run isomatch-server migrate --store URL first"));
 }
 
 }  // namespace isomatch

@@ -88,7 +88,7 @@ class Queue {
         queue->pool_, PostgresPool::Open({.url = queue->server_->url(),
                                           .connections = workers + 4,
                                           .patience = absl::Seconds(30)}));
-    ISOMATCH_RETURN_IF_ERROR(Migrate(*queue->pool_));
+    ISOMATCH_RETURN_IF_ERROR(Migrate(*queue->pool_).status());
     // As server/README asks for.
     for (const char* setting : {"ALTER SYSTEM SET autovacuum_naptime = '5s'",
                                 "SELECT pg_reload_conf()"}) {

@@ -414,6 +414,21 @@ TEST_F(ClusterTest, AFolderOfAnotherDatabaseIsRefused) {
                        testing::HasSubstr("not the folder of this database")));
 }
 
+TEST_F(ClusterTest, MigrateSaysWhatItDidAndWhere) {
+  const std::string place = " isomatch at " + (*TheServer())->folder();
+  const ServerConfig config = Config("all");
+  const auto migrate = [&] {
+    const auto said = MigrateStore(config);
+    EXPECT_THAT(said, IsOk());
+    return said.value_or("");
+  };
+  EXPECT_THAT(migrate(), testing::StartsWith("nothing to do: the tables of" +
+                                             place + " have version "));
+  Do("DROP SCHEMA isomatch CASCADE");
+  EXPECT_THAT(migrate(),
+              testing::StartsWith("made the tables of" + place + ", version "));
+}
+
 TEST_F(ClusterTest, APasswordFileWithoutAPasswordIsRefused) {
   const TemporaryFolder folder;
   ServerConfig config = Config("gateway");

@@ -19,6 +19,7 @@ namespace {
 
 using testing::AllOf;
 using testing::HasSubstr;
+using testing::Not;
 
 struct Parsed {
   /// Nullopt: the server would start.
@@ -216,6 +217,16 @@ TEST_F(ServerFlagsSourcesTest, TheSameHoldsForEnvironmentAndFile) {
                 "maybe, expected true or false");
   SetEnvironment("ISOMATCH_WORKERS", "0");
   ExpectRefused({}, why);
+}
+
+TEST_F(ServerFlagsSourcesTest, HelpOfMigrateHasItsFlagsAndNoOthers) {
+  const Parsed parsed = Parse({"migrate", "--help"});
+  EXPECT_EQ(parsed.status, 0);
+  EXPECT_THAT(parsed.out,
+              AllOf(HasSubstr("--store URL (Env:ISOMATCH_STORE)"),
+                    HasSubstr("--store-password-file FILE"),
+                    HasSubstr("isomatch-server migrate --store postgresql://"),
+                    Not(HasSubstr("--workers"))));
 }
 
 TEST_F(ServerFlagsSourcesTest, HealthIsThatOfTheConfiguredServer) {

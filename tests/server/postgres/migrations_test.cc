@@ -56,7 +56,10 @@ TEST_F(MigrationsTest, TwiceIsAsGoodAsOnce) {
   const std::string applied =
       Ask("SELECT max(applied) FROM isomatch.migrations");
   EXPECT_THAT(CheckSchema(*pool_), IsOk());
-  EXPECT_THAT(Migrate(*pool_), IsOk());
+  const auto migrated = Migrate(*pool_);
+  ASSERT_THAT(migrated, IsOk());
+  EXPECT_EQ(migrated->from, kNumSchemaFiles);
+  EXPECT_EQ(migrated->to, kNumSchemaFiles);
   EXPECT_EQ(Migrations(), once);
   EXPECT_EQ(Ask("SELECT max(applied) FROM isomatch.migrations"), applied);
   EXPECT_THAT(CheckSchema(*pool_), IsOk());
@@ -86,8 +89,14 @@ TEST_F(MigrationsTest, MissingTablesAreMadeByMigrate) {
   DropTables();
   EXPECT_THAT(CheckSchema(*pool_),
               StatusIs(absl::StatusCode::kFailedPrecondition,
-                       HasSubstr("isomatch-server migrate")));
-  EXPECT_THAT(Migrate(*pool_), IsOk());
+                       AllOf(HasSubstr("the database has no tables yet"),
+                             HasSubstr("isomatch-server migrate"))));
+  const auto migrated = Migrate(*pool_);
+  ASSERT_THAT(migrated, IsOk());
+  EXPECT_EQ(migrated->database,
+            absl::StrCat("isomatch at ", (*TheServer())->folder()));
+  EXPECT_EQ(migrated->from, 0);
+  EXPECT_EQ(migrated->to, kNumSchemaFiles);
   EXPECT_THAT(CheckSchema(*pool_), IsOk());
 }
 

@@ -25,7 +25,7 @@ absl::StatusOr<std::unique_ptr<PostgresPool>> NewDatabase(
     transaction.exec("DROP SCHEMA IF EXISTS isomatch CASCADE");
     return absl::OkStatus();
   }));
-  ISOMATCH_RETURN_IF_ERROR(Migrate(*pool));
+  ISOMATCH_RETURN_IF_ERROR(Migrate(*pool).status());
   return pool;
 }
 
