@@ -21,6 +21,15 @@ constexpr size_t kLookedForAtOnce = 500;
 constexpr std::chrono::hours kOrphanAge{24};
 constexpr std::chrono::hours kSearchInterval{1};
 
+/// An error of the folder itself, which names its flag.
+absl::Status FolderError(const absl::Status& status,
+                         const SharedFolder& folder) {
+  if (status.ok()) return status;
+  return BlobStorageError(
+      {status.code(),
+       absl::StrCat("--blob-dir = ", folder.path(), ": ", status.message())});
+}
+
 }  // namespace
 
 absl::Status BlobFolder::Check() {
@@ -39,7 +48,7 @@ absl::Status BlobFolder::Check() {
     is_marked = rows->front()[1].as<bool>();
   }
   const absl::StatusOr<std::string> found = folder_.ReadMark();
-  ISOMATCH_RETURN_IF_ERROR(BlobStorageError(found.status()));
+  ISOMATCH_RETURN_IF_ERROR(FolderError(found.status(), folder_));
   const bool is_new = found->empty() && !is_marked;
   if (!is_new && *found != mark) {
     return absl::UnavailableError(
@@ -49,7 +58,9 @@ absl::Status BlobFolder::Check() {
                      mark));
   }
   if (!known.empty()) return absl::OkStatus();
-  if (is_new) ISOMATCH_RETURN_IF_ERROR(BlobStorageError(folder_.Mark(mark)));
+  if (is_new) {
+    ISOMATCH_RETURN_IF_ERROR(FolderError(folder_.Mark(mark), folder_));
+  }
   const auto marked = pool_.Ask(
       Repeat::kOnce, "UPDATE isomatch.blob_folder SET is_marked = true");
   ISOMATCH_RETURN_IF_ERROR(BlobStorageError(marked.status()));

@@ -63,8 +63,12 @@ std::string SharedFolder::PathOf(const std::string& name) const {
 
 absl::StatusOr<std::string> SharedFolder::ReadMark() const {
   auto mark = ReadWholeFile(PathOf(kMarkFile), kMostMarkBytes);
-  if (absl::IsNotFound(mark.status())) return "";
-  return mark;
+  if (!absl::IsNotFound(mark.status())) return mark;
+  std::error_code unknown;
+  if (!fs::is_directory(folder_, unknown)) {
+    return absl::NotFoundError("no such folder, expected one that exists");
+  }
+  return "";
 }
 
 absl::Status SharedFolder::Mark(const std::string& mark) const {

@@ -22,7 +22,7 @@ class SharedFolder {
   const std::string& path() const { return folder_; }
 
   /// Returns what the folder's file `isomatch-blobs` says it belongs to; empty
-  /// when there is none, as when nothing is mounted.
+  /// when there is none, as when nothing is mounted. NOT_FOUND: no folder.
   absl::StatusOr<std::string> ReadMark() const;
   absl::Status Mark(const std::string& mark) const;
 

@@ -414,6 +414,23 @@ TEST_F(ClusterTest, AFolderOfAnotherDatabaseIsRefused) {
                        testing::HasSubstr("not the folder of this database")));
 }
 
+TEST_F(ClusterTest, AFolderThatCannotBeUsedIsRefusedByItsFlag) {
+  const TemporaryFolder folder;
+  ServerConfig config = Config("gateway");
+  for (const std::string& path :
+       {folder.Path("nope"), folder.Write("file", "no folder")}) {
+    config.blob_dir = path;
+    EXPECT_THAT(OpenAnyStores(config).status(),
+                StatusIs(absl::StatusCode::kUnavailable,
+                         "--blob-dir = " + path +
+                             ": no such folder, expected one that exists"));
+  }
+  config.blob_dir = "/proc/self";  // where nobody makes files
+  EXPECT_THAT(OpenAnyStores(config).status(),
+              StatusIs(absl::StatusCode::kUnavailable,
+                       testing::HasSubstr("--blob-dir = /proc/self: cannot")));
+}
+
 TEST_F(ClusterTest, MigrateSaysWhatItDidAndWhere) {
   const std::string place = " isomatch at " + (*TheServer())->folder();
   const ServerConfig config = Config("all");
