@@ -82,10 +82,22 @@ void WarnOfFloods(const ServerConfig& config) {
 
 /// Where jobs and their bytes are.
 std::string DescribeData(const ServerConfig& config) {
-  if (config.is_shared())
-    return "in the database of --store, for all who use it";
+  if (config.is_shared()) {
+    return config.blob_dir.empty()
+               ? "in the database of --store, for all who use it"
+               : absl::StrCat("in the database of --store and in the folder ",
+                              config.blob_dir, ", for all who use them");
+  }
   return config.has_folder() ? config.data_dir
                              : "in memory, gone when the server ends";
+}
+
+/// What others that use --store know it as.
+void LogWorkerName(const Server& server) {
+  Log(LogLevel::kInfo,
+      absl::StrCat("worker: ", server.process_name(),
+                   " in the table isomatch.workers"),
+      {{"worker", server.process_name()}});
 }
 
 std::string DescribeJobs(const ServerConfig& config, const Server& server) {
@@ -100,6 +112,8 @@ void LogWorkerStart(const ServerConfig& config, const Server& server) {
   Log(LogLevel::kInfo,
       absl::StrCat("isomatch-server ", kVersion, " runs jobs of --store"),
       {{"version", kVersion}});
+  LogWorkerName(server);
+  say(absl::StrCat("data: ", DescribeData(config)));
   say(absl::StrCat("jobs: ", DescribeJobs(config, server)));
   say(absl::StrCat("memory: ", server.memory_budget_bytes() >> 20,
                    " MiB for running jobs"));
@@ -120,6 +134,7 @@ void LogStart(const ServerConfig& config, const Server& server) {
       {{"address", server.address()}, {"version", kVersion}});
   say(absl::StrCat("security: ", DescribeTls(config), ", ",
                    config.api_keys.empty() ? "no API keys" : "API keys"));
+  if (config.is_shared() && config.runs_jobs()) LogWorkerName(server);
   say(absl::StrCat("data: ", DescribeData(config)));
   say(absl::StrCat("jobs: ",
                    config.runs_jobs() ? DescribeJobs(config, server)
@@ -138,6 +153,11 @@ void LogStart(const ServerConfig& config, const Server& server) {
   say(absl::StrCat("a first job: isomatch match --server ", server.address(),
                    ClientFlags(config), " X Y -o MAP"));
   WarnOfFloods(config);
+  if (!config.runs_jobs() && config.workers != ServerConfig().workers) {
+    Log(LogLevel::kWarning,
+        absl::StrCat("--workers = ", config.workers,
+                     " changes nothing: a gateway runs no jobs"));
+  }
 }
 
 /// How a server ends.

@@ -121,6 +121,7 @@ class Server::Impl {
   std::string metrics_address() const {
     return prometheus_ == nullptr ? "" : prometheus_->address();
   }
+  std::string process_name() const { return process_name_; }
   const MemoryBudget& budget() const { return budget_; }
   int threads_per_job() const { return context_.parse.threads_per_job; }
   const RequestLimits& limits() const { return context_.parse.limits; }
@@ -151,6 +152,7 @@ class Server::Impl {
   Metrics& metrics_;
   const Stores stores_;
   const OnGiveUp on_give_up_;
+  const std::string process_name_ = ProcessName(RandomId());
   PreparedCache prepared_;
   MemoryBudget budget_;
   MemoryBudget request_bytes_;
@@ -276,7 +278,7 @@ JobEnvironment Server::Impl::MakeJobEnvironment() {
   environment.jobs = stores_.jobs.get();
   environment.shared = stores_.shared;
   environment.cluster = cluster_.get();
-  environment.process = ProcessName(RandomId());
+  environment.process = process_name_;
   environment.lease = config_.lease;
   environment.blobs = stores_.blobs.get();
   environment.broken_uploads = stores_.uploads.get();
@@ -473,6 +475,7 @@ Server::~Server() = default;
 
 std::string Server::address() const { return impl_->address(); }
 std::string Server::metrics_address() const { return impl_->metrics_address(); }
+std::string Server::process_name() const { return impl_->process_name(); }
 int Server::threads_per_job() const { return impl_->threads_per_job(); }
 const RequestLimits& Server::limits() const { return impl_->limits(); }
 const ConnectionLimits& Server::connection_limits() const {

@@ -69,6 +69,9 @@ class Server {
   /// HOST:PORT of the metrics; empty without them.
   std::string metrics_address() const;
 
+  /// What isomatch.workers and others of a database know this process as.
+  std::string process_name() const;
+
   /// What running jobs may reserve together.
   std::int64_t memory_budget_bytes() const;
 
