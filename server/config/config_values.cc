@@ -3,10 +3,14 @@
 #include <algorithm>
 #include <array>
 #include <limits>
+#include <vector>
 
 #include "absl/strings/ascii.h"
+#include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "absl/strings/str_split.h"
 #include "absl/strings/strip.h"
 
 namespace isomatch {
@@ -68,6 +72,30 @@ absl::StatusOr<absl::Duration> ParseDurationValue(absl::string_view text) {
     return absl::InvalidArgumentError("no time such as 30s or 5m");
   }
   return duration;
+}
+
+std::string WithoutPassword(absl::string_view url) {
+  constexpr absl::string_view kUserBegins = "://";
+  const size_t scheme = url.find(kUserBegins);
+  if (scheme == absl::string_view::npos) return "";
+  // A ? before any @ may be the password's.
+  const size_t first_at = url.find('@');
+  const size_t query =
+      url.find('?', first_at == absl::string_view::npos ? 0 : first_at);
+  const size_t at = url.substr(0, query).rfind('@');
+  const size_t colon = url.find(':', scheme + kUserBegins.size());
+  std::string text(url);
+  if (at != absl::string_view::npos && colon < at) {
+    text.erase(colon, at - colon);
+  }
+  std::vector<std::string> parts = absl::StrSplit(text, absl::ByAnyChar("?&"));
+  const std::string place = parts.front();
+  parts.erase(parts.begin());
+  std::erase_if(parts, [](const std::string& parameter) {
+    return absl::StrContains(parameter, "password=");
+  });
+  return parts.empty() ? place
+                       : absl::StrCat(place, "?", absl::StrJoin(parts, "&"));
 }
 
 absl::Status WrongValue(absl::string_view field, absl::string_view value,

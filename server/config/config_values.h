@@ -34,6 +34,11 @@ std::string FormatBytes(std::int64_t bytes);
 /// INVALID_ARGUMENT: none of these.
 absl::StatusOr<absl::Duration> ParseDurationValue(absl::string_view text);
 
+/// Returns a URL of PostgreSQL without :PASSWORD and without ?password=...; in
+/// doubt, as when the password has @, / or ? as they are, without too much.
+/// Empty when it is no URL.
+std::string WithoutPassword(absl::string_view url);
+
 /// INVALID_ARGUMENT naming field, value and range.
 absl::Status CheckCount(absl::string_view field, std::int64_t value,
                         const IntRange& range);

@@ -88,13 +88,24 @@ FlagSet::FlagSet(CLI::App& app) : app_(app) {
 void FlagSet::AddText(const std::string& name, std::string& value,
                       const std::string& kind, const std::string& help) {
   Add({name, help, group_, [&value] { return QuoteConfigValue(value); }}, kind,
-      value, [&value, name](const std::string& text) {
-        if (absl::c_any_of(text, absl::ascii_iscntrl)) {
-          return WrongValue(name, "(text)", "no control characters");
-        }
-        value = text;
-        return absl::OkStatus();
-      });
+      value, TextReader(name, value));
+}
+
+void FlagSet::AddUrl(const std::string& name, std::string& value,
+                     const std::string& kind, const std::string& help) {
+  Add({name, help, group_,
+       [&value] { return QuoteConfigValue(WithoutPassword(value)); }},
+      kind, WithoutPassword(value), TextReader(name, value));
+}
+
+FlagSet::Read FlagSet::TextReader(const std::string& name, std::string& value) {
+  return [&value, name](const std::string& text) {
+    if (absl::c_any_of(text, absl::ascii_iscntrl)) {
+      return WrongValue(name, "(text)", "no control characters");
+    }
+    value = text;
+    return absl::OkStatus();
+  };
 }
 
 void FlagSet::AddSwitch(const std::string& name, bool& value,

@@ -38,6 +38,9 @@ class FlagSet {
   /// `help` says what it is, `kind` stands for the value, e.g. "FILE".
   void AddText(const std::string& name, std::string& value,
                const std::string& kind, const std::string& help);
+  /// A text whose password, if it has one, Print leaves out.
+  void AddUrl(const std::string& name, std::string& value,
+              const std::string& kind, const std::string& help);
   void AddSwitch(const std::string& name, bool& value, const std::string& help);
   void AddCount(const std::string& name, int& value, const IntRange& range,
                 const std::string& help);
@@ -58,6 +61,8 @@ class FlagSet {
     std::function<std::string()> print;
   };
   using Read = std::function<absl::Status(const std::string& text)>;
+
+  static Read TextReader(const std::string& name, std::string& value);
 
   /// Adds a flag with a value; `read` sets the variable.
   void Add(const Flag& flag, const std::string& kind, const std::string& value,

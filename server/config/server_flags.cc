@@ -121,12 +121,14 @@ absl::Status SetKeyRole(const CLI::App& app, const std::string& role,
 
 void AddClusterFlags(FlagSet& flags, ServerConfig& config) {
   flags.BeginGroup("Several processes or machines");
-  flags.AddText("--store", config.store, "URL",
-                "postgresql://USER@HOST:PORT/DATABASE that gateways and "
-                "workers share as queue and store, in place of --data-dir");
+  flags.AddUrl("--store", config.store, "URL",
+               "postgresql://USER@HOST:PORT/DATABASE that gateways and "
+               "workers share as queue and store, in place of --data-dir; / @ "
+               ": of a password in it are written %2F %40 %3A. On a network "
+               "that is not trusted add ?sslmode=verify-full&sslrootcert=FILE");
   flags.AddText("--store-password-file", config.store_password_file, "FILE",
-                "File whose first line is the password of --store; otherwise "
-                "PGPASSWORD or PGPASSFILE");
+                "File whose first line is the password of --store, read at "
+                "each new connection; otherwise PGPASSWORD or PGPASSFILE");
   flags.AddText("--blob-dir", config.blob_dir, "FOLDER",
                 "With --store: folder that all processes share, such as NFS, "
                 "for meshes and results; otherwise they are in the database");

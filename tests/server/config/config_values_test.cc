@@ -51,6 +51,26 @@ TEST(ConfigValuesTest, TimesWithoutUnitAreSeconds) {
   EXPECT_FALSE(ParseDurationValue("").ok());
 }
 
+TEST(ConfigValuesTest, UrlsAreShownWithoutPasswords) {
+  for (const char* url :
+       {"postgresql://db", "postgresql://me@db:1/d", "postgres://[::1]:1/d?a=b",
+        "postgresql://me@/d?host=/run/x&sslmode=require"}) {
+    EXPECT_EQ(WithoutPassword(url), url);
+  }
+  for (const char* url :
+       {"postgresql://me:secret@db:1/d", "postgresql://me:s/ecret@db:1/d",
+        "postgresql://me:s@ecret@db:1/d", "postgresql://me:s:ecret@db:1/d",
+        "postgresql://me:s?ecret@db:1/d",
+        "postgresql://me@db:1/d?password=secret"}) {
+    EXPECT_EQ(WithoutPassword(url), "postgresql://me@db:1/d") << url;
+  }
+  EXPECT_EQ(WithoutPassword("postgresql://me:s@db/d?a=b&password=s@ecret&c=d"),
+            "postgresql://me@db/d?a=b&c=d");
+  EXPECT_EQ(WithoutPassword("postgresql://db:1/d?user=m@e&password=secret"),
+            "postgresql://db@e");
+  EXPECT_EQ(WithoutPassword("host=db password=secret"), "");
+}
+
 TEST(ConfigValuesTest, ChecksNameFieldValueAndRange) {
   constexpr auto kInvalid = absl::StatusCode::kInvalidArgument;
   EXPECT_THAT(CheckCount("--a", 3, {1, 3}), IsOk());

@@ -158,6 +158,18 @@ TEST_F(ServerFlagsSourcesTest, ThePrintedConfigurationIsReadBack) {
   EXPECT_EQ(started.config().memory_budget_bytes, 2'000'000'000);
 }
 
+TEST_F(ServerFlagsSourcesTest, ThePrintedConfigurationHasNoPassword) {
+  const Parsed parsed =
+      Parse({"--print-config", "--store",
+             "postgresql://isomatch:secret@db:5433/isomatch?sslmode=require"});
+  ASSERT_EQ(parsed.status, 0) << parsed.errors;
+  EXPECT_THAT(parsed.out, Not(HasSubstr("secret")));
+  EXPECT_THAT(parsed.out, HasSubstr("\nstore = \"postgresql://isomatch@db:5433/"
+                                    "isomatch?sslmode=require\"\n"));
+  const Parsed again = Parse({"--config", WriteFile(parsed.out)});
+  EXPECT_EQ(again.status, std::nullopt) << again.errors;
+}
+
 TEST_F(ServerFlagsSourcesTest, ThePrintedConfigurationHasEveryFlag) {
   const std::string printed = Parse({"--print-config"}).out;
   const std::string help = Parse({"--help"}).out;
