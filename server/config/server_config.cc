@@ -81,6 +81,29 @@ absl::Status CheckWord(absl::string_view field, const std::string& word,
   return WrongValue(field, word, absl::StrJoin(words, ", "));
 }
 
+/// What would be ignored without --store.
+absl::Status CheckNoStore(const ServerConfig& config) {
+  const auto refused = [](absl::string_view field, absl::string_view value,
+                          absl::string_view why) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(field, " = ", value, " without --store", why));
+  };
+  constexpr absl::string_view kExpected =
+      ", expected the database that gateways and workers share";
+  if (!config.blob_dir.empty()) {
+    return refused("--blob-dir", config.blob_dir, "; --data-dir has its own");
+  }
+  if (!config.store_password_file.empty()) {
+    return refused("--store-password-file", config.store_password_file,
+                   kExpected);
+  }
+  if (config.role != "all") return refused("--role", config.role, kExpected);
+  if (config.lease != ServerConfig().lease) {
+    return refused("--lease", absl::FormatDuration(config.lease), kExpected);
+  }
+  return absl::OkStatus();
+}
+
 absl::Status CheckStore(const ServerConfig& config) {
   ISOMATCH_RETURN_IF_ERROR(
       CheckWord("--role", config.role, {"all", "gateway", "worker"}));
@@ -88,17 +111,11 @@ absl::Status CheckStore(const ServerConfig& config) {
     return absl::InvalidArgumentError(
         "--blob-dir-read-only without --blob-dir");
   }
-  if (!config.is_shared()) {
-    if (!config.blob_dir.empty()) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("--blob-dir = ", config.blob_dir,
-                       " without --store; --data-dir has its own"));
-    }
-    if (config.role == "all") return absl::OkStatus();
+  if (!config.is_shared()) return CheckNoStore(config);
+  if (config.ephemeral) {
     return absl::InvalidArgumentError(
-        absl::StrCat("--role = ", config.role,
-                     " without --store, expected the database that gateways "
-                     "and workers share"));
+        "--ephemeral with --store, expected one of them: the database keeps "
+        "everything");
   }
   const bool is_url = absl::StartsWith(config.store, "postgresql://") ||
                       absl::StartsWith(config.store, "postgres://");
@@ -113,8 +130,13 @@ absl::Status CheckStore(const ServerConfig& config) {
 absl::Status CheckBytesOfHalf(absl::string_view field, std::int64_t value,
                               const IntRange& range,
                               std::int64_t blob_store_bytes) {
-  return CheckBytes(field, value,
-                    {range.least, std::min(range.most, blob_store_bytes / 2)});
+  const std::int64_t half = blob_store_bytes / 2;
+  absl::Status status =
+      CheckBytes(field, value, {range.least, std::min(range.most, half)});
+  if (status.ok() || half >= range.most) return status;
+  return absl::InvalidArgumentError(absl::StrCat(
+      status.message(),
+      " (half of --blob-store-bytes = ", FormatBytes(blob_store_bytes), ")"));
 }
 
 /// What a flag says, and what it may.

@@ -1,12 +1,15 @@
 #include "server/config/server_flags.h"
 
+#include <algorithm>
 #include <cstdlib>
 #include <iostream>
 #include <string>
 
 #include <CLI/CLI.hpp>
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/string_view.h"
 #include "core/base/status_macros.h"
 #include "core/base/version.h"
 #include "server/config/flag_set.h"
@@ -330,11 +333,28 @@ void AddActions(CLI::App& app, Actions& actions) {
            return true;
          },
          "Asks the server at ADDRESS, by default that of --listen, whether it "
-         "serves, for 2 s at most; exits with 0 if it does")
+         "serves, for 2 s at most; exits with 0 if it does. Whether the "
+         "database of --store answers, /readyz of --metrics-listen says")
       ->type_name("[ADDRESS]")
       ->type_size(1)
       ->expected(0, 1)
       ->configurable(false);
+}
+
+/// Which server --health is to ask.
+absl::StatusOr<std::string> HealthAddress(const std::string& given,
+                                          const ServerConfig& config) {
+  if (given.empty() && config.role == "worker") {
+    const std::string& metrics = config.metrics_listen;
+    return absl::InvalidArgumentError(absl::StrCat(
+        "--health with --role = worker, which takes no calls; ",
+        metrics == "off"
+            ? "its --metrics-listen, which is off, would have /readyz"
+            : absl::StrCat("ask http://", ProbeAddress(metrics), "/readyz")));
+  }
+  std::string address = given.empty() ? ProbeAddress(config.listen) : given;
+  ISOMATCH_RETURN_IF_ERROR(CheckServerAddress("--health", address));
+  return address;
 }
 
 absl::Status Finish(const Actions& actions, ServerCommand& command) {
@@ -347,10 +367,32 @@ absl::Status Finish(const Actions& actions, ServerCommand& command) {
         "up to date; a --data-dir is brought up to date by itself");
   }
   if (!actions.health_address) return absl::OkStatus();
-  command.health_address = actions.health_address->empty()
-                               ? ProbeAddress(command.config.listen)
-                               : *actions.health_address;
-  return CheckServerAddress("--health", *command.health_address);
+  ISOMATCH_ASSIGN_OR_RETURN(
+      command.health_address,
+      HealthAddress(*actions.health_address, command.config));
+  return absl::OkStatus();
+}
+
+/// Whether the command line itself has a flag: files and the environment may be
+/// those of several processes.
+bool IsArgument(const std::string& flag, int argc, const char* const* argv) {
+  return std::any_of(argv + 1, argv + argc, [&](absl::string_view argument) {
+    return argument == flag || absl::StartsWith(argument, flag + "=");
+  });
+}
+
+/// What depends on whether a flag is given.
+absl::Status CheckGiven(const CLI::App& app, bool has_data_dir_argument,
+                        ServerConfig& config) {
+  if (app.count("--max-mesh-bytes") == 0) {
+    config.max_mesh_bytes =
+        std::min(config.max_mesh_bytes, config.blob_store_bytes / 2);
+  }
+  if (!has_data_dir_argument || !config.is_shared()) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrCat("--data-dir = ", config.data_dir,
+                   " with --store, expected one of them: the database keeps "
+                   "everything"));
 }
 
 }  // namespace
@@ -389,7 +431,9 @@ std::optional<int> ParseServerFlags(int argc, const char* const* argv,
     }
     return PrintNewApiKey(new_key, std::cout, std::cerr);
   }
-  const absl::Status finished = Finish(actions, command);
+  absl::Status finished =
+      CheckGiven(app, IsArgument("--data-dir", argc, argv), command.config);
+  if (finished.ok()) finished = Finish(actions, command);
   if (!finished.ok()) {
     std::cerr << "isomatch-server: " << finished.message() << "\n";
     return kWrongFlags;

@@ -47,6 +47,22 @@ TEST(ServerConfigTest, EveryRangeIsChecked) {
        [](auto& c) { c.blob_dir = "/nfs"; }},
       {"--blob-dir-read-only without --blob-dir",
        [](auto& c) { c.blob_dir_read_only = true; }},
+      {"--store-password-file = f without --store, expected the database",
+       [](auto& c) { c.store_password_file = "f"; }},
+      {"--role = worker without --store, expected the database",
+       [](auto& c) { c.role = "worker"; }},
+      {"--lease = 5s without --store, expected the database",
+       [](auto& c) { c.lease = absl::Seconds(5); }},
+      {"--lease = 1s, expected 2s to 1h",
+       [](auto& c) {
+         c.store = "postgresql://db/isomatch";
+         c.lease = absl::Seconds(1);
+       }},
+      {"--ephemeral with --store, expected one of them",
+       [](auto& c) {
+         c.store = "postgresql://db/isomatch";
+         c.ephemeral = true;
+       }},
       {"--max-queued-jobs = 0, expected 1 to 100000",
        [](auto& c) { c.max_queued_jobs = 0; }},
       {"--max-connections = -1, expected 0 to 1000000",
@@ -57,7 +73,8 @@ TEST(ServerConfigTest, EveryRangeIsChecked) {
        [](auto& c) { c.max_kept_jobs = 0; }},
       {"--max-request-bytes = 1MiB, expected 2MiB to 512MiB",
        [](auto& c) { c.max_request_bytes = 1 << 20; }},
-      {"--max-mesh-bytes = 600MiB, expected 1 to 512MiB",
+      {"--max-mesh-bytes = 600MiB, expected 1 to 512MiB (half of "
+       "--blob-store-bytes = 1GiB)",
        [](auto& c) { c.max_mesh_bytes = 600 << 20; }},
       {"--max-queued-jobs-per-tenant = -1, expected 0 to 100000",
        [](auto& c) { c.max_queued_jobs_per_tenant = -1; }},

@@ -170,6 +170,32 @@ TEST_F(ServerFlagsSourcesTest, ThePrintedConfigurationHasNoPassword) {
   EXPECT_EQ(again.status, std::nullopt) << again.errors;
 }
 
+TEST_F(ServerFlagsSourcesTest, AMeshHasRoomInASmallStoreUnlessItIsToBeLarger) {
+  const Parsed parsed = Parse({"--blob-store-bytes", "16MiB"});
+  ASSERT_EQ(parsed.status, std::nullopt) << parsed.errors;
+  EXPECT_EQ(parsed.config().max_mesh_bytes, 8 << 20);
+  EXPECT_EQ(Parse({}).config().max_mesh_bytes, ServerConfig().max_mesh_bytes);
+  const std::string why =
+      "--max-mesh-bytes = 256MiB, expected 1 to 8MiB (half of "
+      "--blob-store-bytes = 16MiB)";
+  ExpectRefused({"--blob-store-bytes", "16MiB", "--max-mesh-bytes", "256MiB"},
+                why);
+  SetEnvironment("ISOMATCH_MAX_MESH_BYTES", "256MiB");
+  ExpectRefused({"--blob-store-bytes", "16MiB"}, why);
+}
+
+TEST_F(ServerFlagsSourcesTest, ADataDirBesideAStoreIsRefusedAsAFlag) {
+  const std::string why =
+      "--data-dir = d with --store, expected one of them: the database";
+  const std::string store = "postgresql://db/isomatch";
+  ExpectRefused({"--store", store, "--data-dir", "d"}, why);
+  ExpectRefused({"--store", store, "--data-dir=d"}, why);
+  // Of a file, as the image's, it is what those without --store have.
+  const Parsed parsed =
+      Parse({"--store", store, "--config", WriteFile("data-dir = \"d\"\n")});
+  EXPECT_EQ(parsed.status, std::nullopt) << parsed.errors;
+}
+
 TEST_F(ServerFlagsSourcesTest, ThePrintedConfigurationHasEveryFlag) {
   const std::string printed = Parse({"--print-config"}).out;
   const std::string help = Parse({"--help"}).out;
@@ -248,6 +274,25 @@ TEST_F(ServerFlagsSourcesTest, HealthIsThatOfTheConfiguredServer) {
   SetEnvironment("ISOMATCH_INSECURE", "true");
   EXPECT_EQ(Parse({"--health"}).command.health_address, "127.0.0.1:8443");
   EXPECT_EQ(Parse({"--health", "unix:/x"}).command.health_address, "unix:/x");
+}
+
+TEST_F(ServerFlagsSourcesTest, HealthOfAWorkerIsAskedElsewhere) {
+  std::vector<std::string> flags = {"--store",
+                                    "postgresql://db/isomatch",
+                                    "--role",
+                                    "worker",
+                                    "--insecure-metrics",
+                                    "--metrics-listen",
+                                    "0.0.0.0:7555",
+                                    "--health"};
+  ExpectRefused(flags,
+                "--health with --role = worker, which takes no calls; ask "
+                "http://127.0.0.1:7555/readyz");
+  flags.push_back("unix:/x");
+  EXPECT_EQ(Parse(flags).command.health_address, "unix:/x");
+  flags[6] = "off";
+  flags.pop_back();
+  ExpectRefused(flags, "its --metrics-listen, which is off");
 }
 
 }  // namespace
