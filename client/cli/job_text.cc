@@ -163,13 +163,18 @@ std::string FormatServerInfo(const v1::GetServerInfoResponse& info) {
              absl::StrCat(info.running_jobs(), " running, ", info.queued_jobs(),
                           " queued of at most ", limits.max_queued_jobs()));
   AppendLine(text, "workers",
-             absl::StrCat(info.workers(), ", ", info.threads_per_job(),
-                          " threads a job"));
-  AppendLine(text, "memory",
-             absl::StrFormat(
-                 "%.0f of %.0f MB reserved",
-                 static_cast<double>(info.memory_reserved_bytes()) / kMegabyte,
-                 static_cast<double>(info.memory_budget_bytes()) / kMegabyte));
+             info.workers() == 0
+                 ? "none is running: jobs wait"
+                 : absl::StrCat(info.workers(), ", ", info.threads_per_job(),
+                                " threads a job"));
+  if (info.memory_budget_bytes() > 0) {
+    AppendLine(
+        text, "memory",
+        absl::StrFormat(
+            "%.0f of %.0f MB reserved",
+            static_cast<double>(info.memory_reserved_bytes()) / kMegabyte,
+            static_cast<double>(info.memory_budget_bytes()) / kMegabyte));
+  }
   AppendLine(text, "a mesh",
              absl::StrFormat(
                  "at most %d vertices, %d faces, %.0f MB",

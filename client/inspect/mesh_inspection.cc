@@ -315,8 +315,11 @@ absl::StatusOr<MatchCost> EstimateCost(
               limits.max_faces(), &cost);
   CheckAtMost("bytes of the compressed mesh", encoded.bytes.size(),
               limits.max_mesh_bytes(), &cost);
-  CheckAtMost("bytes of memory", static_cast<std::uint64_t>(cost.memory_bytes),
-              server.memory_budget_bytes(), &cost);
+  if (server.memory_budget_bytes() > 0) {
+    CheckAtMost("bytes of memory",
+                static_cast<std::uint64_t>(cost.memory_bytes),
+                server.memory_budget_bytes(), &cost);
+  }
   return cost;
 }
 

@@ -116,7 +116,7 @@ absl::StatusOr<JobSnapshot> JobIntake::Create(const Caller& caller,
   if (before) return *std::move(before);
   JobRecord record = NewRecord(caller, spec);
   const std::int64_t budget_bytes = scheduler_.Workers().job_bytes;
-  if (record.memory_estimate_bytes > budget_bytes) {
+  if (budget_bytes > 0 && record.memory_estimate_bytes > budget_bytes) {
     return JobNeedsMoreMemoryThanBudget(record.memory_estimate_bytes,
                                         budget_bytes);
   }

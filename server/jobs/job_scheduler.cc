@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <limits>
 #include <new>
 #include <optional>
 #include <utility>
@@ -105,9 +104,7 @@ WorkerFigures JobScheduler::Workers() const {
   if (!is_shared()) return own;
   const WorkerFigures all = shared_queue_.Workers();
   if (all.slots > 0) return all;
-  return {.slots = own.slots,
-          .threads = own.threads,
-          .job_bytes = std::numeric_limits<std::int64_t>::max()};
+  return {.slots = own.slots, .threads = own.threads, .job_bytes = 0};
 }
 
 JobSnapshot JobScheduler::SnapshotOf(JobRecord record) const {

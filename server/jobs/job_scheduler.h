@@ -105,7 +105,8 @@ class JobScheduler {
   absl::StatusOr<QueueRoom> SharedRoomFor(const std::string& tenant);
   JobSnapshot SnapshotOf(JobRecord record) const;
   /// What jobs may count on: of all workers, where a store is shared. While
-  /// none of those is known, a job may need whatever it wants.
+  /// none of those is known, job_bytes is 0, and a job may need whatever it
+  /// wants.
   WorkerFigures Workers() const;
   RunningJobs& runs() { return runs_; }
 

@@ -223,6 +223,13 @@ TEST_F(ClusterTest, TellsWhatAllWorkersHave) {
   EXPECT_LE(info.memory_budget_bytes(), std::uint64_t{1} << 30);
 }
 
+TEST_F(ClusterTest, WithoutWorkersJobsWaitForSomeThatAreNotKnown) {
+  const v1::GetServerInfoResponse info = Info();
+  EXPECT_EQ(info.workers(), 0);
+  EXPECT_EQ(info.memory_budget_bytes(), 0);
+  EXPECT_EQ(GetJob(CreateJob()).state(), v1::Job::STATE_QUEUED);
+}
+
 TEST_F(ClusterTest, AProcessMayBeBoth) {
   const auto both = Start(Config("all"));
   CallAt(*both);

@@ -219,6 +219,7 @@ class Limits:
 class ServerInfo:
     """draining: it stops and takes no new jobs. durable: jobs and results
     survive the end of the server. tenant: whose key the call came with.
+    workers, memory_budget_bytes: 0 at a gateway while no worker is running.
     max_run_time: what a job may run, whatever its run_timeout; None for no limit."""
 
     version: str

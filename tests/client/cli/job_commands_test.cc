@@ -249,6 +249,20 @@ TEST_F(JobCommandsTest, InfoTellsLimitsAndLoad) {
   gate_open_ = true;
 }
 
+TEST(ServerInfoTextTest, AGatewayWithoutWorkersSaysThatJobsWait) {
+  v1::GetServerInfoResponse info;
+  info.set_threads_per_job(2);
+  std::string text = FormatServerInfo(info);
+  EXPECT_THAT(
+      text, AllOf(HasSubstr("none is running: jobs wait\n"),
+                  Not(HasSubstr("threads a job")), Not(HasSubstr("reserved"))));
+  info.set_workers(3);
+  info.set_memory_budget_bytes(4'000'000);
+  text = FormatServerInfo(info);
+  EXPECT_THAT(text, AllOf(HasSubstr("3, 2 threads a job\n"),
+                          HasSubstr("0 of 4 MB reserved\n")));
+}
+
 TEST_F(JobCommandsTest, TimeoutsEndTheJob) {
   const std::string name = SubmitToGate();
   const std::string queued = Submit({"--queue-timeout", "50ms"});

@@ -326,6 +326,12 @@ TEST(EstimateCostTest, EachLimitRefuses) {
                           HasSubstr("bytes of memory: ")));
 }
 
+TEST(EstimateCostTest, AMemoryLimitThatNobodyKnowsRefusesNothing) {
+  v1::GetServerInfoResponse info = ServerInfo();
+  info.set_memory_budget_bytes(0);
+  EXPECT_THAT(EstimateCost(UnitSphere(3), info)->refusals, IsEmpty());
+}
+
 TEST(InspectionReportTest, TextAndJsonSayTheSame) {
   const DirtyMesh dirty = WithLoneVertices(Untouched(Torus(30, 15)), 1);
   InspectionReport report;
