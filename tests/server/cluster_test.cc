@@ -390,7 +390,9 @@ TEST_F(ClusterTest, ARoleThatMayUseTheTablesIsEnough) {
     const std::string name = CreateJob();
     WaitFor(name, v1::Job::STATE_SUCCEEDED);
     EXPECT_TRUE(Delete(name).ok());
+    gate_open_ = false;
     EXPECT_EQ(Cancel(CreateJob()).state(), v1::Job::STATE_CANCELLED);
+    gate_open_ = true;
     all->Shutdown(absl::ZeroDuration());
   }
   Do("DROP OWNED BY r; DROP ROLE r");
