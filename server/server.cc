@@ -61,15 +61,17 @@ constexpr int kClusterThreads = 5;
 /// One more than a tenant may use.
 constexpr int kDiskThreads = 2;
 
+/// Calls of a tenant that wait for the same threads. Most hold some KiB each,
+/// FindMissingMeshes up to 200.
+constexpr int kWaitingCalls = 512;
+constexpr TenantTurns::Limits kOneAtATime = {.max_waiting_per_tenant =
+                                                 kWaitingCalls};
+
 /// Threads that read jobs of a database, of which a tenant may use all but one.
 constexpr int kReadThreads = 8;
 constexpr TenantTurns::Limits kReadsOfTenant = {
     .max_running_per_tenant = kReadThreads - 1,
-    .max_waiting_per_tenant = std::numeric_limits<int>::max()};
-
-/// Any number of a tenant's calls may wait for the disk: each takes little.
-constexpr TenantTurns::Limits kAnyNumber = {
-    .max_waiting_per_tenant = std::numeric_limits<int>::max()};
+    .max_waiting_per_tenant = kWaitingCalls};
 
 std::string RandomId() {
   std::string bytes(16, '\0');
@@ -221,9 +223,9 @@ Server::Impl::Impl(const ServerConfig& config, MatchEngine engine,
                     intake_.get()),
       upkeep_(std::make_unique<ThreadPool>(1)),
       changes_(std::make_unique<ThreadPool>(kDiskThreads)),
-      change_turns_(kAnyNumber, changes_.get()),
+      change_turns_(kOneAtATime, changes_.get()),
       disk_(std::make_unique<ThreadPool>(kDiskThreads)),
-      disk_turns_(kAnyNumber, disk_.get()),
+      disk_turns_(kOneAtATime, disk_.get()),
       watch_(std::make_unique<ThreadPool>(1)),
       cluster_(stores_.shared == nullptr
                    ? nullptr

@@ -193,7 +193,7 @@ absl::Status TenantRequestsQuota(const std::string& tenant,
   return WithRetry(
       Make(absl::StatusCode::kResourceExhausted, "TENANT_QUOTA",
            absl::StrCat(requests, " requests of ", tenant,
-                        " wait to be read, which is the most allowed"),
+                        " wait, which is the most allowed"),
            {{"tenant", tenant}, {"requests", absl::StrCat(requests)}}),
       retry_after);
 }

@@ -4,15 +4,26 @@
 #include <new>
 #include <utility>
 
-namespace isomatch {
+#include "absl/time/time.h"
+#include "server/jobs/errors.h"
 
-bool TenantTurns::Post(const std::string& tenant, std::function<void()> task) {
+namespace isomatch {
+namespace {
+
+constexpr absl::Duration kRetryRequests = absl::Seconds(2);
+
+}  // namespace
+
+absl::Status TenantTurns::Post(const std::string& tenant,
+                               std::function<void()> task) {
   std::uint64_t number = 0;
   {
     MutexLock lock(mutex_);
     Tenant& own = tenants_[tenant];
     const auto waiting = static_cast<int>(own.waiting.size());
-    if (waiting >= limits_.max_waiting_per_tenant) return false;
+    if (waiting >= limits_.max_waiting_per_tenant) {
+      return TenantRequestsQuota(tenant, waiting, kRetryRequests);
+    }
     number = ++last_number_;
     own.waiting.push_back({number, std::move(task)});
   }
@@ -22,7 +33,7 @@ bool TenantTurns::Post(const std::string& tenant, std::function<void()> task) {
   } catch (const std::bad_alloc&) {
     if (Remove(tenant, number)) throw;  // else another has taken it
   }
-  return true;
+  return absl::OkStatus();
 }
 
 bool TenantTurns::Remove(const std::string& tenant, std::uint64_t number) {

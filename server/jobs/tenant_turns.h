@@ -6,6 +6,7 @@
 #include <map>
 #include <string>
 
+#include "absl/status/status.h"
 #include "core/base/mutex.h"
 #include "server/machine/executor.h"
 
@@ -32,9 +33,10 @@ class TenantTurns {
   TenantTurns(const Limits& limits, Executor* executor)
       : limits_(limits), executor_(executor) {}
 
-  /// Takes a task; false when too many of the tenant wait. Ends with
-  /// std::bad_alloc when there is no memory for it: then it never runs.
-  bool Post(const std::string& tenant, std::function<void()> task);
+  /// Takes a task. RESOURCE_EXHAUSTED (TENANT_QUOTA) when too many of the
+  /// tenant wait; ends with std::bad_alloc when there is no memory for it: then
+  /// it never runs.
+  absl::Status Post(const std::string& tenant, std::function<void()> task);
 
  private:
   struct Task {

@@ -227,16 +227,16 @@ grpc::ServerUnaryReactor* CorrespondenceService::Post(
     TenantTurns& turns, const Asked& asked, const Request& request,
     Bytes* response, Answer<Request, Response> answer) {
   Unary* const reactor = asked.call->DefaultReactor();
-  auto task = [this, caller = asked.caller, request, answer, response,
-               reactor] {
+  auto task = [this, caller = asked.caller, request, answer, response, reactor,
+               call = asked.call] {
+    // Nobody waits for the answer of a call that has ended meanwhile.
+    if (call->IsCancelled()) return reactor->Finish(grpc::Status::CANCELLED);
     reactor->Finish(ToGrpc(WithinMemory([&] {
       return Serialized(answer, context_, caller, request, response);
     })));
   };
-  const absl::Status posted = WithinMemory([&] {
-    turns.Post(asked.caller.tenant, std::move(task));
-    return absl::OkStatus();
-  });
+  const absl::Status posted = WithinMemory(
+      [&] { return turns.Post(asked.caller.tenant, std::move(task)); });
   if (!posted.ok()) reactor->Finish(ToGrpc(posted));
   return reactor;
 }

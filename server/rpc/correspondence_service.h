@@ -92,7 +92,7 @@ class CorrespondenceService final : public RawMethods {
     const Caller& caller;
   };
 
-  /// Has `turns` end the call.
+  /// Has `turns` end the call; at once when too many of the tenant wait there.
   template <typename Request, typename Response>
   Unary* Post(TenantTurns& turns, const Asked& asked, const Request& request,
               Bytes* response, Answer<Request, Response> answer);

@@ -28,8 +28,6 @@ namespace {
 /// no seat in it.
 constexpr std::int64_t kLeastBytes = 16 << 10;
 
-constexpr absl::Duration kRetryRequests = absl::Seconds(2);
-
 absl::StatusOr<JobSnapshot> Create(const ServiceContext& context,
                                    const Caller& caller,
                                    const v1::CreateJobRequest& request,
@@ -136,7 +134,7 @@ grpc::ServerUnaryReactor* StartCreateJob(const ServiceContext& context,
     reactor->Finish(ToGrpc(taken.status()));
     return reactor;
   }
-  const bool posted = context.intake->Post(
+  const absl::Status posted = context.intake->Post(
       caller.tenant, [&context, caller, reactor, request, response, call,
                       waiting = *std::move(taken)]() mutable {
         // Nobody waits for the answer of a call that has ended meanwhile.
@@ -152,10 +150,7 @@ grpc::ServerUnaryReactor* StartCreateJob(const ServiceContext& context,
         });
         reactor->Finish(ToGrpc(answered));
       });
-  if (!posted) {
-    reactor->Finish(ToGrpc(TenantRequestsQuota(
-        caller.tenant, context.parse.limits.tenant.requests, kRetryRequests)));
-  }
+  if (!posted.ok()) reactor->Finish(ToGrpc(posted));
   return reactor;
 }
 

@@ -79,7 +79,7 @@ v1::DownloadResultResponse MakeHeader(const JobPart& found) {
 
 /// One DownloadResult call.
 ///
-///   1. Begin: waits for the tenant's turn.
+///   1. Begin: waits for the tenant's turn; finishes when too many do.
 ///   2. Open, a thread of the disk: reads the part, writes the header; finishes
 ///      on an error.
 ///   3. OnWriteDone: writes the next chunk, one at a time; finishes after the
@@ -97,8 +97,7 @@ class DownloadReactor final
 
   void Begin() {
     const absl::Status posted = WithinMemory([&] {
-      context_.disk->Post(caller_.tenant, [this] { Open(); });
-      return absl::OkStatus();
+      return context_.disk->Post(caller_.tenant, [this] { Open(); });
     });
     if (!posted.ok()) End(ToGrpc(posted));
   }

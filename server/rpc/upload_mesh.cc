@@ -93,8 +93,9 @@ class UploadMeshReactor final
     const auto last = std::move(self_);
     const bool asks_disk = context_.partial_uploads->AsksTheDisk();
     if (!asks_disk || !upload_.leaves_bytes()) return upload_.BreakOff();
+    // Lost when it finds no place: the upload starts over.
     IfThereIsMemory([&] {
-      context_.disk->Post(tenant_, [last] {
+      (void)context_.disk->Post(tenant_, [last] {
         IfThereIsMemory([&] { last->upload_.BreakOff(); });
       });
     });
@@ -137,7 +138,8 @@ class UploadMeshReactor final
     OnDisk([this] { Store(); });
   }
 
-  /// Calls `act()` in a thread of the disk, unless the call is finished.
+  /// Calls `act()` in a thread of the disk, unless the call is finished;
+  /// finishes it when too many of the tenant wait for the disk.
   template <typename Act>
   void OnDisk(Act act) {
     {
@@ -146,10 +148,11 @@ class UploadMeshReactor final
       on_disk_ = true;
     }
     FinishWithoutMemory([&] {
-      context_.disk->Post(tenant_,
-                          [self = shared_from_this(), act = std::move(act)] {
-                            self->FinishWithoutMemory(act);
-                          });
+      const absl::Status posted = context_.disk->Post(
+          tenant_, [self = shared_from_this(), act = std::move(act)] {
+            self->FinishWithoutMemory(act);
+          });
+      if (!posted.ok()) FinishOnce(ToGrpc(posted));
     });
   }
 

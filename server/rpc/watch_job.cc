@@ -31,7 +31,8 @@ constexpr absl::Duration kFirstHeartbeat = absl::Seconds(1);
 ///   2. OnJobChanged or the heartbeat: pumps. If a write is under way only a
 ///      flag is set, so that a slow reader costs one message and no queue.
 ///   3. Pump: reads the newest snapshot, if the store answers, and writes it if
-///      it is news.
+///      it is news. When it finds no place among the tenant's reads, the next
+///      heartbeat comes early and tries again.
 ///   4. OnWriteDone: pumps again if the flag is set; after a terminal snapshot
 ///      finishes with OK.
 ///   5. OnCancel: finishes with CANCELLED, after the write that is under way.
@@ -101,35 +102,47 @@ class WatchJobReactor final
   }
 
   void Beat() {
-    PumpSoon(/*heartbeat=*/true);
+    const bool pumps = PumpSoon(/*heartbeat=*/true);
+    const absl::Duration pause =
+        pumps ? context_.watch_heartbeat
+              : std::min(context_.watch_heartbeat, kFirstHeartbeat);
     // Under the lock, so that OnDone's Cancel comes after it.
     MutexLock lock(mutex_);
-    if (!finished_) SetHeartbeat(context_.watch_heartbeat);
+    if (!finished_) SetHeartbeat(pause);
   }
 
   /// Pumps in another thread where jobs are in a database; once for all who ask
-  /// before that.
-  void PumpSoon(bool heartbeat) {
-    if (context_.reads == nullptr) return Pump(heartbeat);
+  /// before that. False when there is no place for it: a heartbeat has to try
+  /// again.
+  bool PumpSoon(bool heartbeat) {
+    if (context_.reads == nullptr) {
+      Pump(heartbeat);
+      return true;
+    }
     {
       MutexLock lock(mutex_);
       is_beat_asked_ = is_beat_asked_ || heartbeat;
-      if (std::exchange(is_pump_posted_, true)) return;
+      if (std::exchange(is_pump_posted_, true)) return true;
     }
-    const bool posted = IfThereIsMemory([&] {
-      context_.reads->Post(caller_.tenant, [self = shared_from_this()] {
-        bool beat = false;
-        {
-          MutexLock lock(self->mutex_);
-          self->is_pump_posted_ = false;
-          beat = std::exchange(self->is_beat_asked_, false);
-        }
-        self->Pump(beat);
-      });
+    const absl::Status posted = WithinMemory([&] {
+      return context_.reads->Post(
+          caller_.tenant, [self = shared_from_this()] { self->PumpInTurn(); });
     });
-    if (posted) return;
+    if (posted.ok()) return true;
     MutexLock lock(mutex_);
-    is_pump_posted_ = false;  // the next heartbeat tries again
+    is_pump_posted_ = false;
+    return false;
+  }
+
+  void PumpInTurn() {
+    bool beat = false;
+    {
+      MutexLock lock(mutex_);
+      is_pump_posted_ = false;
+      beat = std::exchange(is_beat_asked_, false);
+      if (finished_ || cancelled_) return;
+    }
+    Pump(beat);
   }
 
   void Pump(bool heartbeat) {

@@ -18,6 +18,7 @@
 #include "grpc/health/v1/health.grpc.pb.h"
 #include "server/server.h"
 #include "server/shared_stores.h"
+#include "tests/server/many_calls.h"
 #include "tests/server/postgres/test_database.h"
 #include "tests/server/test_server.h"
 #include "tests/support/matchers.h"
@@ -320,6 +321,42 @@ TEST_F(ClusterTest, CallsThatWaitForTheDatabaseHoldUpNoOthers) {
     }
   }
   lock.abort();
+}
+
+TEST_F(ClusterTest, TooManyCallsThatWaitForTheDatabaseAreRefused) {
+  constexpr int kTaken = 512 + 7;  // wait, and run
+  constexpr int kRefused = 50;
+  const std::string name = CreateJob();
+  v1::GetJobRequest request;
+  request.set_name(name);
+  pqxx::connection database((*TheServer())->url());
+  pqxx::work lock(database);
+  lock.exec("LOCK TABLE isomatch.jobs IN ACCESS EXCLUSIVE MODE");
+  ManyCalls<v1::GetJobRequest, v1::GetJobResponse> calls(
+      [&](auto* context, auto* asked, auto* response, auto on_end) {
+        stub_->async()->GetJob(context, asked, response, std::move(on_end));
+      });
+  for (int i = 0; i < kTaken + kRefused; ++i) calls.Begin(request);
+  for (const grpc::Status& status : calls.WaitFor(kRefused)) {
+    const CallError error = ErrorOf(status);
+    EXPECT_EQ(error.code, grpc::StatusCode::RESOURCE_EXHAUSTED);
+    EXPECT_EQ(error.reason, "TENANT_QUOTA");
+    EXPECT_TRUE(error.has_retry);
+  }
+  // A watch finds no place either, and goes on when there is one.
+  grpc::ClientContext context;
+  context.set_deadline(std::chrono::system_clock::now() +
+                       std::chrono::seconds(30));
+  v1::WatchJobRequest watched;
+  watched.set_name(name);
+  const auto reader = stub_->WatchJob(&context, watched);
+  absl::SleepFor(absl::Milliseconds(500));
+  EXPECT_EQ(calls.WaitFor(0).size(), kRefused);
+  lock.abort();
+  v1::WatchJobResponse response;
+  EXPECT_TRUE(reader->Read(&response));
+  EXPECT_EQ(response.job().name(), name);
+  context.TryCancel();
 }
 
 TEST_F(ClusterTest, MeshesAndResultsMayBeInAFolder) {

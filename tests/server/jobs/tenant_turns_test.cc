@@ -14,8 +14,10 @@
 
 #include "absl/time/clock.h"
 #include "core/base/mutex.h"
+#include "server/jobs/errors.h"
 #include "server/machine/thread_pool.h"
 #include "tests/server/manual_executor.h"
+#include "tests/support/matchers.h"
 
 namespace isomatch {
 namespace {
@@ -24,16 +26,18 @@ namespace {
 class TenantTurnsTest : public testing::Test {
  protected:
   bool Post(const std::string& tenant) {
-    return turns_.Post(tenant, [this, tenant] { Record(tenant); });
+    return turns_.Post(tenant, [this, tenant] { Record(tenant); }).ok();
   }
 
   /// Posts a task that runs until the notification.
   void Block(const std::string& tenant, std::latch& until) {
     std::latch started(1);
-    ASSERT_TRUE(turns_.Post(tenant, [&] {
-      started.count_down();
-      until.wait();
-    }));
+    ASSERT_THAT(turns_.Post(tenant,
+                            [&] {
+                              started.count_down();
+                              until.wait();
+                            }),
+                IsOk());
     started.wait();
   }
 
@@ -67,7 +71,7 @@ TEST_F(TenantTurnsTest, ASlowTenantDelaysNobodyElse) {
   Block("a", end);
   for (int i = 0; i < 4; ++i) EXPECT_TRUE(Post("a"));
   std::latch done(1);
-  ASSERT_TRUE(turns_.Post("b", [&] { done.count_down(); }));
+  ASSERT_THAT(turns_.Post("b", [&] { done.count_down(); }), IsOk());
   done.wait();  // though the task of a goes on
   {
     MutexLock lock(mutex_);
@@ -95,7 +99,10 @@ TEST_F(TenantTurnsTest, TooManyThatWaitAreRefused) {
   std::latch end(1);
   Block("a", end);
   for (int i = 0; i < 4; ++i) EXPECT_TRUE(Post("a"));
-  EXPECT_FALSE(Post("a"));
+  const absl::Status refused = turns_.Post("a", [this] { Record("never"); });
+  EXPECT_TRUE(absl::IsResourceExhausted(refused));
+  EXPECT_EQ(DetailsOf(refused).reason, "TENANT_QUOTA");
+  EXPECT_TRUE(DetailsOf(refused).retry_after);
   EXPECT_TRUE(Post("b"));
   end.count_down();
   EXPECT_EQ(Order().size(), 5);
@@ -104,7 +111,7 @@ TEST_F(TenantTurnsTest, TooManyThatWaitAreRefused) {
 TEST_F(TenantTurnsTest, ATaskWithoutMemoryIsOverAndTheNextOnesRun) {
   std::latch end(1);
   Block("a", end);
-  ASSERT_TRUE(turns_.Post("a", [] { throw std::bad_alloc(); }));
+  ASSERT_THAT(turns_.Post("a", [] { throw std::bad_alloc(); }), IsOk());
   EXPECT_TRUE(Post("a"));
   end.count_down();
   EXPECT_EQ(Order(), "a");
@@ -125,9 +132,10 @@ TEST(TenantTurnsMemoryTest, ATaskThatIsRefusedNeverRuns) {
   TenantTurns turns({.max_waiting_per_tenant = 4}, &executor);
   std::string ran;
   executor.before_post = [] { throw std::bad_alloc(); };
-  EXPECT_THROW(turns.Post("a", [&] { ran += "refused"; }), std::bad_alloc);
+  EXPECT_THROW((void)turns.Post("a", [&] { ran += "refused"; }),
+               std::bad_alloc);
   executor.before_post = nullptr;
-  EXPECT_TRUE(turns.Post("a", [&] { ran += "taken"; }));
+  EXPECT_THAT(turns.Post("a", [&] { ran += "taken"; }), IsOk());
   while (executor.RunNext()) {
   }
   EXPECT_EQ(ran, "taken");
@@ -137,12 +145,12 @@ TEST(TenantTurnsMemoryTest, ATaskThatRanMeanwhileIsNotRefused) {
   FullExecutor executor;
   TenantTurns turns({.max_waiting_per_tenant = 4}, &executor);
   std::string ran;
-  EXPECT_TRUE(turns.Post("a", [&] { ran += "1"; }));
+  EXPECT_THAT(turns.Post("a", [&] { ran += "1"; }), IsOk());
   executor.before_post = [&] {
     executor.RunNext();
     throw std::bad_alloc();
   };
-  EXPECT_TRUE(turns.Post("a", [&] { ran += "2"; }));
+  EXPECT_THAT(turns.Post("a", [&] { ran += "2"; }), IsOk());
   EXPECT_EQ(ran, "12");
 }
 
@@ -151,7 +159,7 @@ TEST_F(TenantTurnsTest, NoTaskIsLostHoweverTheyCome) {
   std::atomic<int> ran = 0;
   for (int i = 0; i < kTasks; ++i) {
     const std::string tenant(1, static_cast<char>('a' + i % 3));
-    while (!turns_.Post(tenant, [&ran] { ++ran; })) {
+    while (!turns_.Post(tenant, [&ran] { ++ran; }).ok()) {
     }
   }
   Order();

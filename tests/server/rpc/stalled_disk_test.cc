@@ -9,6 +9,7 @@
 #include <memory>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include <SQLiteCpp/SQLiteCpp.h>
@@ -19,6 +20,7 @@
 #include "absl/time/clock.h"
 #include "core/base/sha256.h"
 #include "grpc/health/v1/health.grpc.pb.h"
+#include "tests/server/many_calls.h"
 #include "tests/server/test_server.h"
 #include "tests/support/temporary_folder.h"
 
@@ -138,6 +140,18 @@ class StalledDiskTest : public TestServer {
     if (call) call();
   }
 
+  static v1::DeleteJobRequest ToDelete(const std::string& name) {
+    v1::DeleteJobRequest request;
+    request.set_name(name);
+    return request;
+  }
+
+  using Deletes = ManyCalls<v1::DeleteJobRequest, v1::DeleteJobResponse>;
+  const Deletes::Start start_delete_ = [this](auto* context, auto* request,
+                                              auto* response, auto on_end) {
+    stub_->async()->DeleteJob(context, request, response, std::move(on_end));
+  };
+
   const TemporaryFolder folder_;
   std::string stalled_;
   std::vector<std::jthread> calls_;
@@ -185,6 +199,65 @@ TEST_F(StalledDiskTest, WhileJobsAreCancelledAndDeleted) {
   }
   ExpectOthersAreAnswered();
   database.exec("ROLLBACK");
+}
+
+TEST_F(StalledDiskTest, TooManyCallsThatWaitForItAreRefused) {
+  constexpr int kWaiting = 512;
+  constexpr int kRefused = 50;
+  const std::string name = Create("alice");
+  WaitForEnd(name);
+  SQLite::Database database(folder_.Path("data/jobs.sqlite"),
+                            SQLite::OPEN_READWRITE);
+  database.exec("BEGIN IMMEDIATE");
+  Deletes deletes(start_delete_);
+  deletes.Begin(ToDelete(name), "alice");
+  absl::SleepFor(absl::Milliseconds(100));  // it waits for the database
+  for (int i = 0; i < kWaiting + kRefused; ++i) {
+    deletes.Begin(ToDelete("jobs/nobody"), "alice");
+  }
+  for (const grpc::Status& status : deletes.WaitFor(kRefused)) {
+    const CallError error = ErrorOf(status);
+    EXPECT_EQ(error.code, grpc::StatusCode::RESOURCE_EXHAUSTED);
+    EXPECT_EQ(error.reason, "TENANT_QUOTA");
+    EXPECT_TRUE(error.has_retry);
+  }
+  v1::DeleteJobResponse response;
+  EXPECT_EQ(
+      stub_->DeleteJob(As("bob").get(), ToDelete("jobs/nobody"), &response)
+          .error_code(),
+      grpc::StatusCode::NOT_FOUND);
+  EXPECT_EQ(deletes.WaitFor(0).size(), kRefused);
+  database.exec("ROLLBACK");
+}
+
+TEST_F(StalledDiskTest, CallsThatEndedWhileTheyWaitedDoNothing) {
+  const std::string first = Create("alice");
+  const std::string kept = Create("alice");
+  WaitForEnd(first);
+  WaitForEnd(kept);
+  SQLite::Database database(folder_.Path("data/jobs.sqlite"),
+                            SQLite::OPEN_READWRITE);
+  database.exec("BEGIN IMMEDIATE");
+  Deletes deletes(start_delete_);
+  deletes.Begin(ToDelete(first), "alice");
+  absl::SleepFor(absl::Milliseconds(100));  // it waits for the database
+  grpc::ClientContext& cancelled = deletes.Begin(ToDelete(kept), "alice");
+  absl::SleepFor(absl::Milliseconds(100));  // it waits for the first
+  cancelled.TryCancel();
+  absl::SleepFor(absl::Milliseconds(100));  // the server has heard of it
+  database.exec("ROLLBACK");
+  deletes.WaitFor(2);
+  // What comes later has its turn later.
+  v1::DeleteJobResponse response;
+  EXPECT_FALSE(
+      stub_->DeleteJob(As("alice").get(), ToDelete("jobs/nobody"), &response)
+          .ok());
+  v1::GetJobRequest request;
+  v1::GetJobResponse job;
+  request.set_name(first);
+  EXPECT_FALSE(stub_->GetJob(As("alice").get(), request, &job).ok());
+  request.set_name(kept);
+  EXPECT_TRUE(stub_->GetJob(As("alice").get(), request, &job).ok());
 }
 
 }  // namespace
