@@ -12,6 +12,9 @@ namespace {
 
 constexpr absl::Duration kRetryRequests = absl::Seconds(2);
 
+/// More than executors have threads, so that a task waits for no other one's.
+constexpr int kMostRuns = 64;
+
 }  // namespace
 
 absl::Status TenantTurns::Post(const std::string& tenant,
@@ -26,6 +29,9 @@ absl::Status TenantTurns::Post(const std::string& tenant,
     }
     number = ++last_number_;
     own.waiting.push_back({number, std::move(task)});
+    // Those that are under way look for it, too.
+    if (runs_ == kMostRuns) return absl::OkStatus();
+    ++runs_;
   }
   // One that finds nothing to run leaves it to the one that runs the tenant's.
   try {
@@ -39,6 +45,7 @@ absl::Status TenantTurns::Post(const std::string& tenant,
 bool TenantTurns::Remove(const std::string& tenant, std::uint64_t number) {
   std::function<void()> removed;  // freed after the lock
   MutexLock lock(mutex_);
+  --runs_;
   std::deque<Task>& waiting = tenants_.find(tenant)->second.waiting;
   const auto found =
       std::find_if(waiting.begin(), waiting.end(),
@@ -60,7 +67,10 @@ bool TenantTurns::RunOne() {
   {
     MutexLock lock(mutex_);
     tenant = NextTenant();
-    if (tenant == nullptr) return false;
+    if (tenant == nullptr) {
+      --runs_;
+      return false;
+    }
     task = std::move(tenant->waiting.front().run);
     tenant->waiting.pop_front();
     tenant->last_served = ++last_served_;

@@ -50,10 +50,12 @@ class TenantTurns {
     std::uint64_t last_served = 0;
   };
 
-  /// Removes a task that waits; false when it does not any more.
+  /// Removes a task that waits; false when it does not any more. For one that
+  /// no Run was posted for.
   bool Remove(const std::string& tenant, std::uint64_t number);
   /// Runs tasks until none may run.
   void Run();
+  /// False, and the Run is over, when none may.
   bool RunOne();
   /// Returns whose turn it is; null when no task may run.
   Tenant* NextTenant() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
@@ -64,6 +66,8 @@ class TenantTurns {
   std::map<std::string, Tenant> tenants_ ABSL_GUARDED_BY(mutex_);
   std::uint64_t last_served_ ABSL_GUARDED_BY(mutex_) = 0;
   std::uint64_t last_number_ ABSL_GUARDED_BY(mutex_) = 0;
+  /// Runs that the executor has, or is about to get.
+  int runs_ ABSL_GUARDED_BY(mutex_) = 0;
 };
 
 }  // namespace isomatch

@@ -154,6 +154,23 @@ TEST(TenantTurnsMemoryTest, ATaskThatRanMeanwhileIsNotRefused) {
   EXPECT_EQ(ran, "12");
 }
 
+// Else what keeps it busy for an hour would fill its queue with them.
+TEST(TenantTurnsMemoryTest,
+     TasksThatComeWhileOthersRunTakeNothingOfTheExecutor) {
+  ManualExecutor executor;
+  TenantTurns turns({.max_waiting_per_tenant = 4}, &executor);
+  int left = 1000;
+  std::function<void()> follow = [&] {
+    if (--left == 0) return;
+    EXPECT_THAT(turns.Post("a", follow), IsOk());
+  };
+  ASSERT_THAT(turns.Post("a", follow), IsOk());
+  int runs = 0;
+  while (executor.RunNext()) ++runs;
+  EXPECT_EQ(left, 0);
+  EXPECT_LE(runs, 100);
+}
+
 TEST_F(TenantTurnsTest, NoTaskIsLostHoweverTheyCome) {
   constexpr int kTasks = 5000;
   std::atomic<int> ran = 0;
