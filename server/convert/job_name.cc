@@ -1,5 +1,8 @@
 #include "server/convert/job_name.h"
 
+#include <algorithm>
+
+#include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/strip.h"
 #include "server/jobs/errors.h"
@@ -10,6 +13,9 @@ namespace {
 constexpr char kPrefix[] = "jobs/";
 constexpr size_t kMaxIdBytes = 64;
 
+/// Those of the server are hexadecimal.
+bool IsOfAnId(char c) { return absl::ascii_isalnum(c) || c == '-' || c == '_'; }
+
 }  // namespace
 
 std::string JobName(const std::string& id) {
@@ -19,7 +25,7 @@ std::string JobName(const std::string& id) {
 absl::StatusOr<std::string> ParseJobName(const std::string& name) {
   absl::string_view id = name;
   if (!absl::ConsumePrefix(&id, kPrefix) || id.empty() ||
-      id.size() > kMaxIdBytes) {
+      id.size() > kMaxIdBytes || !std::all_of(id.begin(), id.end(), IsOfAnId)) {
     return InvalidField("name", "expected jobs/ and an id, as CreateJob gave");
   }
   return std::string(id);

@@ -118,7 +118,7 @@ std::string ArrayOf(const std::vector<std::string>& texts) {
   for (const std::string& text : texts) {
     if (array.size() > 1) array += ',';
     array += '"';
-    for (const char c : text) {
+    for (const char c : WithoutZeros(text)) {
       if (c == '"' || c == '\\') array += '\\';
       array += c;
     }

@@ -31,7 +31,7 @@ JobRecord RecordOf(const pqxx::row& row);
 /// Returns those of all rows.
 std::vector<JobRecord> RecordsOf(const pqxx::result& rows);
 
-/// Returns an array of PostgreSQL with these elements.
+/// Returns an array of PostgreSQL with these elements, WithoutZeros.
 std::string ArrayOf(const std::vector<std::string>& texts);
 
 /// The same of numbers, which are written as they are.

@@ -186,6 +186,19 @@ TEST_F(JobsTest, OneThatFindsNoMemoryFailsAlone) {
 
 TEST_F(JobsTest, ANameThatIsNotOneIsInvalid) {
   EXPECT_EQ(ErrorOf(Cancel("job1")).field, "name");
+  const std::string name = CreateJob();
+  for (const std::string& after :
+       {std::string(1, '\0'), std::string("\0x", 2), std::string("\""),
+        std::string("/"), std::string("\x7f"), std::string("é")}) {
+    EXPECT_EQ(ErrorOf(Cancel(name + after)).reason, "INVALID_FIELD") << after;
+    v1::WatchJobRequest request;
+    request.set_name(name + after);
+    grpc::ClientContext context;
+    v1::WatchJobResponse response;
+    const auto reader = stub_->WatchJob(&context, request);
+    EXPECT_FALSE(reader->Read(&response)) << after;
+    EXPECT_EQ(ErrorOf(reader->Finish()).reason, "INVALID_FIELD") << after;
+  }
   EXPECT_EQ(ErrorOf(Cancel("jobs/nobody")).code, grpc::StatusCode::NOT_FOUND);
 }
 
