@@ -75,10 +75,16 @@ absl::StatusOr<PartialUpload> MemoryPartialUploads::Take(const BlobKey& key) {
   return taken ? std::move(taken.mapped().upload) : PartialUpload();
 }
 
-std::size_t MemoryPartialUploads::ReceivedBytes(const BlobKey& key) const {
+std::vector<std::size_t> MemoryPartialUploads::ReceivedBytes(
+    const std::string& tenant, const std::vector<std::string>& sha256s) const {
+  std::vector<std::size_t> received;
   MutexLock lock(mutex_);
-  const auto found = entries_.find(key);
-  return found == entries_.end() ? 0 : found->second.upload.bytes.size();
+  for (const std::string& sha256 : sha256s) {
+    const auto found = entries_.find({tenant, sha256});
+    received.push_back(
+        found == entries_.end() ? 0 : found->second.upload.bytes.size());
+  }
+  return received;
 }
 
 void MemoryPartialUploads::Clear() {

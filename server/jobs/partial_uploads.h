@@ -5,6 +5,7 @@
 #include <map>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
@@ -56,8 +57,10 @@ class PartialUploads {
   /// The upload is over, well or not: what stayed is of no use any more.
   virtual void Forget(const BlobKey& /*key*/) {}
 
-  /// Returns the number of bytes that are kept.
-  virtual std::size_t ReceivedBytes(const BlobKey& key) const = 0;
+  /// Returns the number of bytes that are kept of each of a tenant's uploads.
+  virtual std::vector<std::size_t> ReceivedBytes(
+      const std::string& tenant,
+      const std::vector<std::string>& sha256s) const = 0;
 
   /// Drops what is kept in memory, so that timers can be joined without waiting
   /// for it.
@@ -91,7 +94,9 @@ class MemoryPartialUploads : public PartialUploads {
                          std::int64_t bytes) const override;
   void Keep(const BlobKey& key, PartialUpload upload) override;
   absl::StatusOr<PartialUpload> Take(const BlobKey& key) override;
-  std::size_t ReceivedBytes(const BlobKey& key) const override;
+  std::vector<std::size_t> ReceivedBytes(
+      const std::string& tenant,
+      const std::vector<std::string>& sha256s) const override;
   void Clear() override;
 
  private:

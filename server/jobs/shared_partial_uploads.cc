@@ -39,24 +39,27 @@ void SharedPartialUploads::Keep(const BlobKey& key, PartialUpload upload) {
 
 absl::StatusOr<PartialUpload> SharedPartialUploads::Take(const BlobKey& key) {
   PartialUpload taken;
-  const absl::StatusOr<std::size_t> kept = store_.ReceivedBytes(key);
-  if (!kept.ok()) return StorageFailed(kept.status());
-  if (*kept == 0) return taken;
+  const auto received = store_.ReceivedBytes(key.tenant, {key.sha256});
+  if (!received.ok()) return StorageFailed(received.status());
+  const std::size_t kept = received->front();
+  if (kept == 0) return taken;
   ISOMATCH_ASSIGN_OR_RETURN(
-      taken.reservation, Reserve(key.tenant, static_cast<std::int64_t>(*kept)));
+      taken.reservation, Reserve(key.tenant, static_cast<std::int64_t>(kept)));
   absl::StatusOr<std::string> bytes = store_.Read(key);
   if (!bytes.ok()) return StorageFailed(bytes.status());
   taken.bytes = *std::move(bytes);
   // Somebody else may have gone on with it, or ended it.
-  if (taken.bytes.size() > *kept) taken.bytes.resize(*kept);
+  if (taken.bytes.size() > kept) taken.bytes.resize(kept);
   taken.reservation.ShrinkTo(static_cast<std::int64_t>(taken.bytes.size()));
   return taken;
 }
 
 void SharedPartialUploads::Forget(const BlobKey& key) { store_.Forget(key); }
 
-std::size_t SharedPartialUploads::ReceivedBytes(const BlobKey& key) const {
-  return store_.ReceivedBytes(key).value_or(0);
+std::vector<std::size_t> SharedPartialUploads::ReceivedBytes(
+    const std::string& tenant, const std::vector<std::string>& sha256s) const {
+  return store_.ReceivedBytes(tenant, sha256s)
+      .value_or(std::vector<std::size_t>(sha256s.size()));
 }
 
 std::unique_ptr<PartialUploads> MakePartialUploads(UploadStore* store,

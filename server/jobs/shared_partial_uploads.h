@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "server/jobs/partial_uploads.h"
 #include "server/jobs/tenant_budgets.h"
@@ -27,7 +28,9 @@ class SharedPartialUploads : public PartialUploads {
   void Keep(const BlobKey& key, PartialUpload upload) override;
   absl::StatusOr<PartialUpload> Take(const BlobKey& key) override;
   void Forget(const BlobKey& key) override;
-  std::size_t ReceivedBytes(const BlobKey& key) const override;
+  std::vector<std::size_t> ReceivedBytes(
+      const std::string& tenant,
+      const std::vector<std::string>& sha256s) const override;
 
  private:
   TenantBudgets* const budgets_;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <memory>
+#include <set>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -139,10 +140,19 @@ bool PostgresBlobStore::Pin(const BlobKey& key) {
 
 bool PostgresBlobStore::Has(const BlobKey& key) { return Use(key).ok(); }
 
-absl::StatusOr<bool> PostgresBlobStore::IsThere(const BlobKey& key) {
-  const absl::Status used = Use(key).status();
-  if (used.ok() || absl::IsNotFound(used)) return used.ok();
-  return used;
+absl::StatusOr<std::vector<bool>> PostgresBlobStore::AreThere(
+    const std::string& tenant, const std::vector<std::string>& sha256s) {
+  const auto rows = pool_.Ask(
+      Repeat::kOnce, "SELECT isomatch.use_blobs($1, $2, $3::interval)", tenant,
+      ArrayOf(sha256s), IntervalOf(options_.use_resolution));
+  ISOMATCH_RETURN_IF_ERROR(BlobStorageError(rows.status()));
+  std::set<std::string> found;
+  for (const pqxx::row& row : *rows) found.insert(row[0].as<std::string>());
+  std::vector<bool> are_there;
+  for (const std::string& sha256 : sha256s) {
+    are_there.push_back(found.count(sha256) > 0);
+  }
+  return are_there;
 }
 
 absl::StatusOr<BlobStore::Blob> PostgresBlobStore::Get(const BlobKey& key) {

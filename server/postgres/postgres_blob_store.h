@@ -78,7 +78,9 @@ class PostgresBlobStore : public BlobStore {
   void Remove(const BlobKey& key) override;
   void Tidy() override;
   bool Has(const BlobKey& key) override;
-  absl::StatusOr<bool> IsThere(const BlobKey& key) override;
+  absl::StatusOr<std::vector<bool>> AreThere(
+      const std::string& tenant,
+      const std::vector<std::string>& sha256s) override;
   bool MakeTenantRoom(const BlobKey& key, std::int64_t bytes,
                       std::int64_t limit) override;
   bool CanMakeRoom(std::int64_t bytes) const override;

@@ -1,5 +1,9 @@
 #include "server/postgres/postgres_upload_store.h"
 
+#include <map>
+
+#include <pqxx/pqxx>
+
 #include "core/base/status_macros.h"
 #include "server/postgres/blob_content.h"
 #include "server/postgres/chunk_rows.h"
@@ -57,15 +61,21 @@ void PostgresUploadStore::Forget(const BlobKey& key) {
                   key.tenant, key.sha256);
 }
 
-absl::StatusOr<std::size_t> PostgresUploadStore::ReceivedBytes(
-    const BlobKey& key) {
-  const auto kept =
-      pool_.Ask(PostgresPool::Repeat::kOnce,
-                "SELECT bytes FROM isomatch.partial_uploads WHERE tenant = $1 "
-                "AND sha256 = $2 AND kept_at > now() - $3::interval",
-                key.tenant, key.sha256, IntervalOf(options_.kept_for));
-  ISOMATCH_RETURN_IF_ERROR(BlobStorageError(kept.status()));
-  return kept->empty() ? 0 : kept->front()[0].as<std::size_t>();
+absl::StatusOr<std::vector<std::size_t>> PostgresUploadStore::ReceivedBytes(
+    const std::string& tenant, const std::vector<std::string>& sha256s) {
+  const auto rows = pool_.Ask(
+      PostgresPool::Repeat::kOnce,
+      "SELECT sha256, bytes FROM isomatch.partial_uploads WHERE tenant = $1 "
+      "AND sha256 = ANY ($2) AND kept_at > now() - $3::interval",
+      tenant, ArrayOf(sha256s), IntervalOf(options_.kept_for));
+  ISOMATCH_RETURN_IF_ERROR(BlobStorageError(rows.status()));
+  std::map<std::string, std::size_t> kept;
+  for (const pqxx::row& row : *rows) {
+    kept[row[0].as<std::string>()] = row[1].as<std::size_t>();
+  }
+  std::vector<std::size_t> received;
+  for (const std::string& sha256 : sha256s) received.push_back(kept[sha256]);
+  return received;
 }
 
 void PostgresUploadStore::Tidy() {

@@ -26,7 +26,9 @@ class PostgresUploadStore : public UploadStore {
                     const Limits& limits) override;
   absl::StatusOr<std::string> Read(const BlobKey& key) override;
   void Forget(const BlobKey& key) override;
-  absl::StatusOr<std::size_t> ReceivedBytes(const BlobKey& key) override;
+  absl::StatusOr<std::vector<std::size_t>> ReceivedBytes(
+      const std::string& tenant,
+      const std::vector<std::string>& sha256s) override;
   void Tidy() override;
 
  private:

@@ -93,17 +93,26 @@ absl::Status FindMissing(const ServiceContext& context, const Caller& caller,
                                                 " of them, expected at most ",
                                                 RequestLimits::kMaxDigests));
   }
+  std::vector<std::string> asked;
   for (int i = 0; i < request.digests_size(); ++i) {
-    const v1::Digest& digest = request.digests(i);
-    ISOMATCH_RETURN_IF_ERROR(ValidateDigest(
-        digest, absl::StrCat("digests[", i, "]"), context.parse.limits));
-    const BlobKey key = {caller.tenant, digest.sha256()};
-    const auto is_there = context.blobs->IsThere(key);
-    if (!is_there.ok()) return StorageSilent(is_there.status());
-    if (*is_there) continue;
-    *response.add_missing() = digest;
-    const std::uint64_t received = context.partial_uploads->ReceivedBytes(key);
-    response.add_received_bytes(std::min(received, digest.size_bytes()));
+    ISOMATCH_RETURN_IF_ERROR(ValidateDigest(request.digests(i),
+                                            absl::StrCat("digests[", i, "]"),
+                                            context.parse.limits));
+    asked.push_back(request.digests(i).sha256());
+  }
+  const auto are_there = context.blobs->AreThere(caller.tenant, asked);
+  if (!are_there.ok()) return StorageSilent(are_there.status());
+  std::vector<std::string> missing;
+  for (int i = 0; i < request.digests_size(); ++i) {
+    if ((*are_there)[static_cast<size_t>(i)]) continue;
+    *response.add_missing() = request.digests(i);
+    missing.push_back(request.digests(i).sha256());
+  }
+  const std::vector<std::size_t> received =
+      context.partial_uploads->ReceivedBytes(caller.tenant, missing);
+  for (int i = 0; i < response.missing_size(); ++i) {
+    response.add_received_bytes(std::min<std::uint64_t>(
+        received[static_cast<size_t>(i)], response.missing(i).size_bytes()));
   }
   return absl::OkStatus();
 }

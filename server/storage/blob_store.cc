@@ -18,6 +18,15 @@ absl::Status BlobStore::PutWithin(std::int64_t tenant_limit, const BlobKey& key,
   return Put(key, std::move(bytes), keep);
 }
 
+absl::StatusOr<std::vector<bool>> BlobStore::AreThere(
+    const std::string& tenant, const std::vector<std::string>& sha256s) {
+  std::vector<bool> are_there;
+  for (const std::string& sha256 : sha256s) {
+    are_there.push_back(Has({tenant, sha256}));
+  }
+  return are_there;
+}
+
 Mutex& BlobStore::PutWithinMutex(const std::string& tenant) {
   MutexLock lock(mutex_);
   return put_within_[tenant];

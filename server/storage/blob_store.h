@@ -5,6 +5,7 @@
 #include <map>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
@@ -79,8 +80,9 @@ class BlobStore {
   /// use.
   virtual bool Has(const BlobKey& key) = 0;
 
-  /// As Has. UNAVAILABLE: it is not known just now.
-  virtual absl::StatusOr<bool> IsThere(const BlobKey& key) { return Has(key); }
+  /// As Has of each of a tenant's blobs. UNAVAILABLE: it is not known just now.
+  virtual absl::StatusOr<std::vector<bool>> AreThere(
+      const std::string& tenant, const std::vector<std::string>& sha256s);
 
   /// As Has, but reads it first, unless that was done a moment ago.
   virtual bool HasWhole(const BlobKey& key) { return Has(key); }

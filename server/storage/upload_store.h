@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
@@ -36,8 +37,10 @@ class UploadStore {
   /// Removes what is kept, if the store answers.
   virtual void Forget(const BlobKey& key) = 0;
 
-  /// Returns the number of bytes that are kept. UNAVAILABLE.
-  virtual absl::StatusOr<std::size_t> ReceivedBytes(const BlobKey& key) = 0;
+  /// Returns the number of bytes that are kept of each of a tenant's uploads.
+  /// UNAVAILABLE.
+  virtual absl::StatusOr<std::vector<std::size_t>> ReceivedBytes(
+      const std::string& tenant, const std::vector<std::string>& sha256s) = 0;
 
   /// Removes what was kept for long enough. To be called once a minute.
   virtual void Tidy() = 0;

@@ -151,8 +151,9 @@ class FuzzedUploads {
   /// anew when that fails, because others left wrong bytes. Then only a lack of
   /// room can be the cause.
   void Complete(const std::string& content, std::size_t before) {
-    const std::size_t received = std::min(
-        partials_.ReceivedBytes({kTenant, Sha256Hex(content)}), content.size());
+    const std::size_t received =
+        std::min(partials_.ReceivedBytes(kTenant, {Sha256Hex(content)}).front(),
+                 content.size());
     const std::size_t offset = received - std::min(before, received);
     const bool stored = SendFrom(offset, content) || SendFrom(0, content);
     ISOMATCH_CHECK(stored || !HasRoom(content));

@@ -106,6 +106,28 @@ BEGIN
       WHERE b.tenant = p_tenant AND b.sha256 = p_sha256 AND NOT b.is_damaged;
 END $$;
 
+-- The same of many: returns the digests of those that are there. Only what this
+-- statement has locked, in the order of all who lock several, is written.
+CREATE FUNCTION isomatch.use_blobs(
+  p_tenant text, p_sha256s text[], p_resolution interval)
+RETURNS SETOF text
+LANGUAGE plpgsql
+SET lock_timeout TO '3s'
+AS $$
+BEGIN
+  WITH stale AS MATERIALIZED (
+    SELECT b.tenant, b.sha256 FROM isomatch.blobs b
+      WHERE b.tenant = p_tenant AND b.sha256 = ANY (p_sha256s)
+        AND (b.used_at <= now() - p_resolution OR b.remove_at IS NOT NULL)
+      ORDER BY b.tenant, b.sha256 FOR NO KEY UPDATE)
+  UPDATE isomatch.blobs b SET used_at = clock_timestamp(), remove_at = NULL
+    FROM stale s WHERE b.tenant = s.tenant AND b.sha256 = s.sha256;
+  RETURN QUERY
+    SELECT b.sha256 FROM isomatch.blobs b
+      WHERE b.tenant = p_tenant AND b.sha256 = ANY (p_sha256s)
+        AND NOT b.is_damaged;
+END $$;
+
 -- Begins to put a blob. Returns NULL when it is there, which counts as a use;
 -- or else by how many bytes the tenant has more. Then the transaction has to
 -- insert its chunks, and to end with count_blob_bytes. Waits for whoever puts

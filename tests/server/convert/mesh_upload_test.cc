@@ -49,7 +49,7 @@ class MeshUploadTest : public testing::Test {
   }
 
   std::size_t Received() const {
-    return partials_.ReceivedBytes({kTenant, sha256_});
+    return partials_.ReceivedBytes(kTenant, {sha256_}).front();
   }
 
   static auto Malformed(const std::string& why) {

@@ -38,7 +38,7 @@ class PartialUploadsTest : public testing::Test {
   }
 
   std::size_t Kept(const std::string& sha256) const {
-    return uploads_.ReceivedBytes({kTenant, sha256});
+    return uploads_.ReceivedBytes(kTenant, {sha256}).front();
   }
 
   MemoryBudget budget_{100};
@@ -64,7 +64,7 @@ TEST_F(PartialUploadsTest, WhatIsKeptTakesItsOwnRoomOnlyAndIsTakenOnce) {
 
 TEST_F(PartialUploadsTest, TenantsDoNotSeeEachOthersBytes) {
   Keep("a", "12345");
-  EXPECT_EQ(uploads_.ReceivedBytes({"other", "a"}), 0);
+  EXPECT_EQ(uploads_.ReceivedBytes("other", {"a"}).front(), 0);
   EXPECT_EQ(uploads_.Take({"other", "a"})->bytes, "");
   EXPECT_EQ(Kept("a"), 5);
 }
@@ -100,9 +100,9 @@ TEST_F(PartialUploadsTest, ATimerOfWhatWasKeptBeforeDropsNothing) {
     uploads.Keep(key, {"x", *uploads.Reserve(kTenant, 1)});
   }
   timers.Run(0);
-  EXPECT_EQ(uploads.ReceivedBytes(key), 1);
+  EXPECT_EQ(uploads.ReceivedBytes(key.tenant, {key.sha256}).front(), 1);
   timers.Run(1);
-  EXPECT_EQ(uploads.ReceivedBytes(key), 0);
+  EXPECT_EQ(uploads.ReceivedBytes(key.tenant, {key.sha256}).front(), 0);
 }
 
 TEST_F(PartialUploadsTest, TheOldestGiveWayToWhatNeedsTheRoom) {
@@ -150,14 +150,14 @@ TEST_F(PartialUploadsTest, ATenantHasItsShareAndLosesItsOwnFirst) {
   // Its share is full: its own oldest goes.
   const auto active = uploads.Reserve("a", 30);
   ASSERT_THAT(active, IsOk());
-  EXPECT_EQ(uploads.ReceivedBytes({"a", "a1"}), 0);
-  EXPECT_EQ(uploads.ReceivedBytes({"b", "b1"}), 30);
+  EXPECT_EQ(uploads.ReceivedBytes("a", {"a1"}).front(), 0);
+  EXPECT_EQ(uploads.ReceivedBytes("b", {"b1"}).front(), 30);
   // The whole is full: who keeps most loses its oldest.
   keep("b", "b2", 10);
   const auto third = uploads.Reserve("c", 10);
   ASSERT_THAT(third, IsOk());
-  EXPECT_EQ(uploads.ReceivedBytes({"b", "b1"}), 0);
-  EXPECT_EQ(uploads.ReceivedBytes({"a", "a2"}), 30);
+  EXPECT_EQ(uploads.ReceivedBytes("b", {"b1"}).front(), 0);
+  EXPECT_EQ(uploads.ReceivedBytes("a", {"a2"}).front(), 30);
 }
 
 TEST_F(PartialUploadsTest, ManyTinyOnesOfOneTenantPushOutTheirOwn) {
@@ -168,8 +168,8 @@ TEST_F(PartialUploadsTest, ManyTinyOnesOfOneTenantPushOutTheirOwn) {
   for (std::size_t i = 0; i < MemoryPartialUploads::kMaxKept; ++i) {
     uploads.Keep({"a", absl::StrCat(i)}, {"x", *uploads.Reserve("a", 1)});
   }
-  EXPECT_EQ(uploads.ReceivedBytes({"b", "b"}), 1);
-  EXPECT_EQ(uploads.ReceivedBytes({"a", "0"}), 0);
+  EXPECT_EQ(uploads.ReceivedBytes("b", {"b"}).front(), 1);
+  EXPECT_EQ(uploads.ReceivedBytes("a", {"0"}).front(), 0);
 }
 
 TEST_F(PartialUploadsTest, TheirNumberIsBounded) {
@@ -181,8 +181,8 @@ TEST_F(PartialUploadsTest, TheirNumberIsBounded) {
                  {"x", *uploads.Reserve(kTenant, 1)});
   }
   EXPECT_EQ(budget.reserved_bytes(), MemoryPartialUploads::kMaxKept);
-  EXPECT_EQ(uploads.ReceivedBytes({kTenant, "0"}), 0);
-  EXPECT_EQ(uploads.ReceivedBytes({kTenant, "1"}), 1);
+  EXPECT_EQ(uploads.ReceivedBytes(kTenant, {"0"}).front(), 0);
+  EXPECT_EQ(uploads.ReceivedBytes(kTenant, {"1"}).front(), 1);
 }
 
 TEST_F(PartialUploadsTest, ClearDropsAllAndItsTimers) {

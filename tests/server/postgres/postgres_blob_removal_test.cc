@@ -64,6 +64,9 @@ TEST_F(PostgresBlobRemovalTest, AUseTakesARemovalBack) {
   for (const auto use :
        {+[](BlobStore&s, const BlobKey&k) { s.Pin(k); },
         +[](BlobStore&s, const BlobKey&k) { s.Has(k); },
+        +[](BlobStore&s, const BlobKey&k) {
+          EXPECT_THAT(s.AreThere(k.tenant, {k.sha256}), IsOk());
+        },
         +[](BlobStore&s, const BlobKey&) { Put(s, "content"); },
         +[](BlobStore&s, const BlobKey&k) { EXPECT_THAT(s.Get(k), IsOk()); }}) {
     store->Remove(key);

@@ -226,12 +226,26 @@ TEST_F(PostgresBlobStoreTest, WhatGoesWhileItIsPutIsThere) {
   EXPECT_EQ(store->size_bytes(), 7);
 }
 
+TEST_F(PostgresBlobStoreTest, ManyAreLookedForInOneStatement) {
+  const auto store = Make(ExactOptions(1000));
+  std::vector<std::string> sha256s;
+  for (int i = 0; i < 50; ++i) {
+    sha256s.push_back(Put(*store, std::to_string(i)).sha256);
+  }
+  const auto transactions = [&] {
+    return std::stoi(database_.Do("SELECT pg_current_xact_id()"));
+  };
+  const int before = transactions();
+  EXPECT_THAT(*store->AreThere("tenant", sha256s), testing::Each(true));
+  EXPECT_LT(transactions() - before, 10);  // each use is one that writes
+}
+
 TEST_F(PostgresBlobStoreTest, ADatabaseThatDoesNotAnswerIsNoMissingBlob) {
   const auto store = Make(ExactOptions(100));
   const BlobKey key = Put(*store, "content");
   EXPECT_EQ(store->size_bytes(), 7);
   database_.server().Kill();
-  EXPECT_THAT(store->IsThere(key), IsUnavailable());
+  EXPECT_THAT(store->AreThere(key.tenant, {key.sha256}), IsUnavailable());
   EXPECT_THAT(store->Get(key), IsUnavailable());
   EXPECT_THAT(store->Put(key, "content", Keep::kPinned), IsUnavailable());
   EXPECT_THAT(store->PutWithin(100, key, "content", Keep::kPinned),

@@ -162,11 +162,26 @@ TYPED_TEST_P(BlobStoreConformance, TenantsShareNothing) {
   const BlobKey mine = this->Put(store, 'a', 10, Keep::kWhileRoom);
   const BlobKey other = {"other", mine.sha256};
   EXPECT_TRUE(store.Has(mine));
-  EXPECT_TRUE(*store.IsThere(mine));
-  EXPECT_FALSE(*store.IsThere(other));
+  EXPECT_THAT(*store.AreThere("other", {mine.sha256}),
+              testing::ElementsAre(false));
   EXPECT_FALSE(store.Has(other));
   EXPECT_THAT(store.Get(other), IsMissingBlob());
   EXPECT_FALSE(store.Pin(other));
+}
+
+TYPED_TEST_P(BlobStoreConformance, ManyAreLookedForAtOnceAndUsed) {
+  const auto owner = this->harness_.Make(100);
+  BlobStore& store = *owner;
+  const BlobKey a = this->Put(store, 'a', 40, Keep::kWhileRoom);
+  const BlobKey b = this->Put(store, 'b', 40, Keep::kWhileRoom);
+  const BlobKey none = this->KeyOf("none");
+  EXPECT_THAT(*store.AreThere(a.tenant, {}), testing::IsEmpty());
+  EXPECT_THAT(
+      *store.AreThere(a.tenant, {none.sha256, a.sha256, none.sha256, a.sha256}),
+      testing::ElementsAre(false, true, false, true));
+  this->Put(store, 'c', 40, Keep::kWhileRoom);
+  EXPECT_THAT(*store.AreThere(a.tenant, {b.sha256, a.sha256}),
+              testing::ElementsAre(false, true));
 }
 
 TYPED_TEST_P(BlobStoreConformance, TheRoomThatCanBeMadeIsWhatIsNotNeeded) {
@@ -221,6 +236,7 @@ REGISTER_TYPED_TEST_SUITE_P(BlobStoreConformance, GivesBackWhatWasPut,
                             ATenantsOwnUnusedBlobsMakeItsRoom,
                             WhatArrivesTogetherKeepsToTheTenantsLimitTogether,
                             WhatACallerHoldsStaysWhole, TenantsShareNothing,
+                            ManyAreLookedForAtOnceAndUsed,
                             TheRoomThatCanBeMadeIsWhatIsNotNeeded,
                             WhatIsThereIsWhole, NeverHoldsMoreThanItsCapacity);
 
