@@ -1,5 +1,7 @@
 #include "server/convert/list_jobs.h"
 
+#include <cstdint>
+#include <limits>
 #include <set>
 #include <utility>
 
@@ -35,13 +37,15 @@ std::string Canonical(const JobFilter& filter) {
 
 absl::StatusOr<std::uint64_t> ParsePageToken(const std::string& token,
                                              const JobFilter& filter) {
+  // A database has no larger ones.
+  constexpr std::uint64_t kMostNumber =
+      std::numeric_limits<std::int64_t>::max();
   std::uint64_t number = 0;
   const bool has_number =
       token.size() == kNumberDigits + kChecksumDigits &&
       absl::SimpleHexAtoi(token.substr(0, kNumberDigits), &number);
-  if (has_number && number > 0 && token == MakePageToken(filter, number)) {
-    return number;
-  }
+  const bool is_number = has_number && number > 0 && number <= kMostNumber;
+  if (is_number && token == MakePageToken(filter, number)) return number;
   return InvalidField("page_token",
                       "expected one that ListJobs gave for the same filter");
 }
