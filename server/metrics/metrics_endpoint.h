@@ -11,7 +11,8 @@ namespace isomatch {
 
 /// Returns an endpoint that listens at HOST:PORT and answers GET /metrics and,
 /// by 200 or 503, GET and HEAD of the paths of `probes`, which outlive it. A
-/// request of any length holds one of its threads for three seconds at most.
+/// request of any length holds one of its threads for three seconds at most, of
+/// which there are enough for 50 such at a time.
 /// Throws a std::exception, which says nothing, when it cannot listen there.
 std::unique_ptr<prometheus::Exposer> OpenEndpoint(const std::string& address,
                                                   const Probes& probes);
