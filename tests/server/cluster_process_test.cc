@@ -1,6 +1,5 @@
 // The real isomatch-server on a database: what it says when it starts.
 
-#include <csignal>
 #include <fstream>
 #include <iterator>
 #include <memory>
