@@ -80,7 +80,7 @@ class ClusterScriptTest(unittest.TestCase):
             (["--folder=/proc/x"], "--folder /proc/x cannot be made: No such file"),
             ([f"--folder=/tmp/{'x' * 100}"], "has 105 bytes, expected at most 93"),
             (["--folder=/tmp/a,b"], "--folder /tmp/a,b has a comma"),
-            (["--store=postgresql://nobody@127.0.0.1:1/x"], "--store: .*Connection refused"),
+            (["--store=postgresql://nobody@127.0.0.1:1/x"], "migrate: database: .*Connection refused"),
         ):
             with self.subTest(words):
                 self.assertRegex(self.refused(*words), expected)
