@@ -221,6 +221,35 @@ def mount_problems(documents):
             yield f"{name_of(workload)}: volumes {volumes}, mounts {sorted(mounts)}"
 
 
+def blob_problems(documents, values):
+    """Gateways and workers share the folder that values name; the migration needs none."""
+    blobs = values.get("blobs", {})
+    for workload in workloads(documents):
+        if workload["kind"] == "Job":
+            settings = deployment.effective(deployment.IMAGE_CONFIG, environment(workload))
+            claim, read_only = "", False
+        else:
+            settings = config(documents, workload)
+            claim, read_only = blobs.get("claimName", ""), blobs.get("readOnly", False)
+        pod = pod_template(workload)["spec"]
+        claims = {
+            volume["name"]: volume["persistentVolumeClaim"]["claimName"]
+            for volume in pod.get("volumes", [])
+            if "persistentVolumeClaim" in volume
+        }
+        # Written also with readOnly, which is about new files.
+        found = [
+            (mount["mountPath"], claims[mount["name"]])
+            for mount in pod["containers"][0].get("volumeMounts", [])
+            if mount["name"] in claims and not mount.get("readOnly")
+        ]
+        folder = settings["blob-dir"]
+        if found != ([(folder, claim)] if claim else []) or bool(folder) != bool(claim):
+            yield f"{name_of(workload)}: blobs are in {folder!r} of {found}, expected {claim!r}"
+        if settings["blob-dir-read-only"] != str(read_only).lower():
+            yield f"{name_of(workload)}: writes files, or does not, against blobs.readOnly"
+
+
 def image_problems(documents, values):
     image = values.get("image", {})
     tag = image.get("tag") or deployment.project_version()
@@ -332,7 +361,9 @@ CHECKS = [
     probe_problems, grace_problems, budget_problems, selector_problems, scaling_problems,
     mount_problems, security_problems, server_problems, file_problems,
 ]  # fmt: skip
-CHECKS_WITH_VALUES = [reference_problems, image_problems, policy_problems, hook_problems]
+CHECKS_WITH_VALUES = [
+    reference_problems, blob_problems, image_problems, policy_problems, hook_problems,
+]  # fmt: skip
 
 
 def problems(documents, values):

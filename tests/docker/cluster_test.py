@@ -12,10 +12,10 @@ RESERVED_CONNECTIONS = 3
 COMMAND = "docker compose -f docker/compose.yaml --profile cluster up -d"
 
 
-def settings(service):
+def settings(service, variables=None):
     """Returns its ISOMATCH_ variables, as Compose passes them on: as text."""
     return {
-        name: compose.interpolated(str(value), {})
+        name: compose.interpolated(str(value), variables or {})
         for name, value in service["environment"].items()
         if name.startswith("ISOMATCH_")
     }
@@ -74,11 +74,22 @@ class ClusterTest(unittest.TestCase):
         self.assertEqual(self.database["image"], "postgres:15")
         given = dict(setting.split("=") for setting in self.database["command"][2::2])
         self.assertEqual(given["autovacuum_naptime"], "5s")
-        each = {"gateway": 16, "worker": 16 + int(self.config(self.worker)["workers"])}
+        each = {"gateway": 20, "worker": 20 + int(self.config(self.worker)["workers"])}
         needed = sum(count * self.services[name]["deploy"]["replicas"] for name, count in each.items())
         self.assertLessEqual(needed + RESERVED_CONNECTIONS, int(given["max_connections"]))
         volumes = [volume.split(":")[0] for volume in self.database["volumes"]]
         self.assertLessEqual(set(volumes), set(self.file["volumes"]))
+
+    def test_meshes_and_results_may_be_in_a_volume_that_both_roles_share(self):
+        image = (ROOT / "docker/Dockerfile").read_text()
+        for service in (self.gateway, self.worker):
+            self.assertEqual(self.config(service)["blob-dir"], "")
+            asked = settings(service, {"ISOMATCH_BLOB_DIR": "/data"})
+            folder = deployment.effective(IMAGE_CONFIG, asked)["blob-dir"]
+            self.assertEqual(service["volumes"], [f"blobs:{folder}"])
+            # A new volume has the owner of the image's folder.
+            self.assertIn(f"--chown=10001:10001 /image{folder} {folder}\n", image)
+        self.assertIn("blobs", self.file["volumes"])
 
     def test_there_are_two_of_each_role(self):
         for service in (self.gateway, self.worker):

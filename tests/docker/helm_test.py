@@ -164,7 +164,7 @@ class ChartTest(unittest.TestCase):
         self.assertEqual(given["autovacuum_naptime"], "5s")
         gateways = values["gateway"]["autoscaling"]["maxReplicas"] + 1  # one while it is exchanged
         workers = values["worker"]["keda"]["maxReplicas"] * 1.25
-        needed = 16 * gateways + (16 + values["worker"]["jobs"]) * workers
+        needed = 20 * gateways + (20 + values["worker"]["jobs"]) * workers
         self.assertLess(needed, int(given["max_connections"]) - 10)
         url = values_of(ROOT / "tests/docker/values/url.yaml")["database"]["urlSecret"]["name"]
         self.assertEqual(url, f"{cluster['metadata']['name']}-app")
@@ -211,6 +211,8 @@ class ValuesTest(unittest.TestCase):
             ("worker.jobs=many", "got string, want integer"),
             ("worker.jobs=0", "minimum"),
             ("worker.settings.drain-timeout=5s", "invalid propertyName 'drain-timeout'"),
+            ("settings.blob-dir=/blobs", "invalid propertyName 'blob-dir'"),
+            ("blobs.readOnly=yes", "want boolean"),
             ("gateway.settings.max_jobs=5", "invalid propertyName 'max_jobs'"),
             ("gateway.settings.max-queued-jobs=5", "want string"),
             ("image.tag=latest", "image/tag"),
@@ -229,6 +231,7 @@ class ValuesTest(unittest.TestCase):
             ("tls.secretName=", "expected tls.secretName and apiKeys.secretName, or insecure"),
             ("apiKeys.secretName=", "expected tls.secretName and apiKeys.secretName, or insecure"),
             ("database.sslMode=verify-full", "expected database.ca.secretName"),
+            ("blobs.readOnly=true", "expected blobs.claimName"),
             ("gateway.autoscaling.minReplicas=9", "expected gateway.autoscaling.minReplicas of at"),
         ):
             with self.subTest(setting=setting):
@@ -274,6 +277,8 @@ FAULTS = {
         secretName="other"),
     "image_problems": lambda p: pod(p["Job migration"])["containers"][0].update(
         image="isomatch-server:latest"),
+    "blob_problems": lambda p: pod(p["Deployment worker"])["containers"][0]["env"].append(
+        {"name": "ISOMATCH_BLOB_DIR_READ_ONLY", "value": "false"}),
     "policy_problems": lambda p: p["NetworkPolicy worker"]["spec"]["ingress"].append(
         {"ports": [{"port": "grpc"}]}),
     "hook_problems": lambda p: pod(p["Job migration"]).update(serviceAccountName="meshes"),
@@ -294,6 +299,25 @@ class FaultsTest(unittest.TestCase):
                     self.assertNotEqual(list(checks[name](documents)), [])
                 else:
                     self.assertNotEqual(list(with_values[name](documents, values_of(path))), [])
+
+    def test_each_part_of_the_folder_for_blobs_is_missed(self):
+        path = ROOT / "tests/docker/values/most.yaml"
+        for role in ("gateway", "worker"):
+            for part in ("env", "volumeMounts", "volumes"):
+                documents = rendered(path)
+                spec = pod(parts(documents)[f"Deployment {role}"])
+                entries = spec[part] if part in spec else spec["containers"][0][part]
+                kept = [entry for entry in entries if "blob" not in entry["name"].lower()]
+                with self.subTest(role=role, part=part):
+                    self.assertLess(len(kept), len(entries))
+                    entries[:] = kept
+                    found = list(chart_checks.blob_problems(documents, values_of(path)))
+                    self.assertTrue(found and all(f"meshes-{role}:" in one for one in found), found)
+
+    def test_a_folder_for_blobs_that_nobody_asked_for_is_found(self):
+        documents = rendered(ROOT / "tests/docker/values/url.yaml")
+        found = list(chart_checks.blob_problems(documents, {}))
+        self.assertEqual([one.split(":")[0] for one in found], ["isomatch-gateway", "isomatch-worker"])
 
 
 if __name__ == "__main__":

@@ -10,6 +10,9 @@
 {{- if and (hasPrefix "verify-" $values.database.sslMode) (not $values.database.urlSecret.name) (not $values.database.ca.secretName) -}}
 {{- fail "database.sslMode verifies a certificate: expected database.ca.secretName" -}}
 {{- end -}}
+{{- if and $values.blobs.readOnly (not $values.blobs.claimName) -}}
+{{- fail "blobs.readOnly is about a folder: expected blobs.claimName" -}}
+{{- end -}}
 {{- if and $values.worker.keda.enabled (gt (int $values.worker.keda.minReplicas) (int $values.worker.keda.maxReplicas)) -}}
 {{- fail "expected worker.keda.minReplicas of at most worker.keda.maxReplicas" -}}
 {{- end -}}
