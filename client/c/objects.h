@@ -1,0 +1,40 @@
+#pragma once
+
+#include <cstdint>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include "client/c/isomatch.h"
+#include "core/pipeline/correspondence.h"
+#include "core/pipeline/match_options.h"
+#include "core/pipeline/prepared_shape.h"
+
+// What the handles of isomatch.h are.
+
+struct isomatch_error {
+  isomatch_status status;
+  std::string message;
+  std::string field;
+};
+
+struct isomatch_options {
+  isomatch::MatchOptions options;
+};
+
+struct isomatch_cancel {
+  std::stop_source stop;
+};
+
+struct isomatch_shape {
+  isomatch::PreparedShape shape;
+};
+
+/// What the core found, with the arrays that C has in another form.
+struct isomatch_result {
+  isomatch::Correspondence found;
+  std::vector<std::int32_t> precise_vertices;
+  std::vector<double> precise_weights;
+  std::vector<double> functional_map;
+  std::vector<std::string> warnings;
+};
