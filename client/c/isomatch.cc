@@ -22,6 +22,9 @@
 #include "client/c/objects.h"
 #include "core/base/status_macros.h"
 #include "core/base/version.h"
+#include "core/io/draco_mesh.h"
+#include "core/io/face_order.h"
+#include "core/mesh/triangle_mesh.h"
 #include "core/pipeline/joined_progress.h"
 #include "core/pipeline/matcher.h"
 #include "core/pipeline/memory_estimate.h"
@@ -99,6 +102,14 @@ MatchOptions OptionsOf(const isomatch_options* options) {
   return options == nullptr ? MatchOptions() : options->options;
 }
 
+/// What a server would get, so that its map is the same.
+void SetAsSent(TriangleMesh& mesh) {
+  const Eigen::RowVector3d origin = isomatch::SentOriginOf(mesh);
+  mesh.positions =
+      (mesh.positions.rowwise() - origin).cast<float>().cast<double>().eval();
+  isomatch::SortFaces(mesh.num_vertices(), mesh.faces);
+}
+
 absl::StatusOr<TriangleMesh> MeshOf(const isomatch_mesh* mesh,
                                     const std::string& field) {
   if (mesh == nullptr) return Invalid(field, "NULL, expected a mesh");
@@ -128,6 +139,9 @@ absl::StatusOr<TriangleMesh> MeshOf(const isomatch_mesh* mesh,
         own.faces.data(), mesh->faces,
         sizeof(std::int32_t) * static_cast<std::size_t>(own.faces.size()));
   }
+  // Sorting looks up the vertices of faces.
+  ISOMATCH_RETURN_IF_ERROR(isomatch::ValidateMesh(own, field));
+  SetAsSent(own);
   return own;
 }
 

@@ -70,7 +70,9 @@ ISOMATCH_API const char* isomatch_error_field(const isomatch_error* error);
 ISOMATCH_API void isomatch_error_free(isomatch_error* error);
 
 /* A triangle mesh that stays the caller's: nothing of it is kept after a call.
- * Its layout never changes. */
+ * It is taken in single precision from the middle of its box on, and in another
+ * order of its faces, as a server would get it, whose maps are the same. Its
+ * layout never changes. */
 typedef struct isomatch_mesh {
   /* num_vertices times x, y, z, in any unit. */
   const double* positions;

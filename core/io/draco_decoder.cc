@@ -356,13 +356,6 @@ absl::StatusOr<TriangleMesh> DecodeUnguarded(absl::string_view bytes,
   return result;
 }
 
-using Face = std::array<VertexIndex, 3>;
-
-// The face from the corner on that makes its vertices smallest as a sequence.
-Face Turned(VertexIndex a, VertexIndex b, VertexIndex c) {
-  return std::min({Face{a, b, c}, Face{b, c, a}, Face{c, a, b}});
-}
-
 }  // namespace
 
 bool RenumbersVertices(absl::string_view bytes) {
@@ -371,28 +364,6 @@ bool RenumbersVertices(absl::string_view bytes) {
   draco::DracoHeader header;
   return ReadHeader(buffer, &header).ok() &&
          header.encoder_method == draco::MESH_EDGEBREAKER_ENCODING;
-}
-
-void SortFaces(VertexIndex end, Faces& faces) {
-  std::vector<std::uint32_t> place(static_cast<std::size_t>(end) + 1, 0);
-  for (Eigen::Index f = 0; f < faces.rows(); ++f) {
-    ++place[faces.row(f).minCoeff() + 1];
-  }
-  std::partial_sum(place.begin(), place.end(), place.begin());
-  std::vector<Face> sorted(faces.rows());
-  for (Eigen::Index f = 0; f < faces.rows(); ++f) {
-    const Face face = Turned(faces(f, 0), faces(f, 1), faces(f, 2));
-    sorted[place[face[0]]++] = face;
-  }
-  // By their first vertex they are; few have the same one.
-  for (auto begin = sorted.begin(); begin != sorted.end();) {
-    const auto next = sorted.begin() + place[begin->front()];
-    std::sort(begin, next);
-    begin = next;
-  }
-  for (Eigen::Index f = 0; f < faces.rows(); ++f) {
-    faces.row(f) << sorted[f][0], sorted[f][1], sorted[f][2];
-  }
 }
 
 absl::StatusOr<TriangleMesh> DecodeDraco(absl::string_view bytes,

@@ -119,19 +119,6 @@ absl::StatusOr<std::string> Compress(const draco::Mesh& mesh, VertexOrder order,
 
 }  // namespace
 
-Eigen::RowVector3d SentOriginOf(const TriangleMesh& mesh) {
-  Eigen::RowVector3d low = mesh.positions.row(mesh.faces(0, 0));
-  Eigen::RowVector3d high = low;
-  for (const VertexIndex corner : mesh.faces.reshaped()) {
-    low = low.cwiseMin(mesh.positions.row(corner));
-    high = high.cwiseMax(mesh.positions.row(corner));
-  }
-  const double extent = (high - low).maxCoeff();
-  if (!(extent > 0)) return Eigen::RowVector3d::Zero();
-  const double step = std::ldexp(1.0, std::ilogb(extent) + 4);
-  return ((0.5 * (low + high) / step).array() + 0.5).floor() * step;
-}
-
 absl::StatusOr<EncodedMesh> EncodeDraco(const TriangleMesh& mesh,
                                         const DracoOptions& options) {
   const VertexOrder order = ChooseOrder(mesh);

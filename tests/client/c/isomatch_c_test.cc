@@ -12,6 +12,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "core/io/draco_mesh.h"
 #include "core/pipeline/matcher.h"
 #include "core/pipeline/memory_estimate.h"
 #include "tests/support/matchers.h"
@@ -45,6 +46,14 @@ using Own = std::unique_ptr<Object, Free>;
 isomatch_mesh Borrow(const TriangleMesh& mesh) {
   return {mesh.positions.data(), mesh.num_vertices(), mesh.faces.data(),
           mesh.num_faces()};
+}
+
+/// Through Draco, as a server gets it.
+TriangleMesh AsSent(const TriangleMesh& mesh) {
+  const auto encoded = EncodeDraco(mesh);
+  EXPECT_THAT(encoded, IsOk());
+  return *DecodeDraco(encoded->bytes, encoded->vertex_order,
+                      mesh.num_vertices());
 }
 
 class IsomatchCTest : public testing::Test {
@@ -116,7 +125,7 @@ TEST_F(IsomatchCTest, TellsAllThatTheCoreFinds) {
   ASSERT_EQ(Match(), ISOMATCH_OK);
   MatchOptions options;
   options.keep_functional_map = true;
-  const auto found = isomatch::Match(x_, y_, {}, options);
+  const auto found = isomatch::Match(AsSent(x_), AsSent(y_), {}, options);
   ASSERT_THAT(found, IsOk());
   const isomatch_result* const result = result_.get();
   EXPECT_EQ(Map(), found->y_from_x);
@@ -158,6 +167,22 @@ TEST_F(IsomatchCTest, TellsAllThatTheCoreFinds) {
             static_cast<std::int64_t>(found->warnings_x.size() +
                                       found->warnings_y.size() +
                                       found->warnings.size()));
+}
+
+TEST_F(IsomatchCTest, TheOrderOfFacesDoesNotMatter) {
+  ASSERT_EQ(Match(), ISOMATCH_OK);
+  const std::vector<std::int32_t> before = Map();
+  TriangleMesh other = x_;
+  other.faces.colwise().reverseInPlace();
+  for (Eigen::Index f = 0; f < other.faces.rows(); f += 2) {
+    other.faces.row(f) << x_.faces(x_.faces.rows() - 1 - f, 1),
+        x_.faces(x_.faces.rows() - 1 - f, 2),
+        x_.faces(x_.faces.rows() - 1 - f, 0);
+  }
+  const isomatch_mesh borrowed = Borrow(other);
+  pair_.mesh_x = &borrowed;
+  ASSERT_EQ(Match(), ISOMATCH_OK);
+  EXPECT_EQ(Map(), before);
 }
 
 TEST_F(IsomatchCTest, WhatIsNotThereIsSaid) {
@@ -261,7 +286,8 @@ TEST_F(IsomatchCTest, AProfileKeepsWhatIsNotItsOwn) {
   ASSERT_EQ(Match(), ISOMATCH_OK);
   MatchOptions options = MatchOptions::ForProfile(Profile::kPaper);
   options.random_seed = 7;
-  EXPECT_EQ(Map(), isomatch::Match(x_, y_, {}, options)->y_from_x);
+  EXPECT_EQ(Map(),
+            isomatch::Match(AsSent(x_), AsSent(y_), {}, options)->y_from_x);
 }
 
 TEST_F(IsomatchCTest, MemoryIsBounded) {

@@ -37,7 +37,7 @@ class CTest(unittest.TestCase):
         [cls.library] = cls.prefix.rglob("libisomatch.so.0")
         cls.loaded = {**os.environ, "LD_LIBRARY_PATH": str(cls.library.parent)}
         for pose in "AB":
-            run(COMMAND_LINE, "sample", "--pose", pose, "--vertices", "800",
+            run(COMMAND_LINE, "sample", "--pose", pose, "--vertices", "5000",
                 "-o", cls.folder / f"{pose}.off")  # fmt: skip
 
     def match_with(self, program):
