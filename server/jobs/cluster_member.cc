@@ -79,7 +79,6 @@ ClusterView ClusterMember::view() const {
     view.store = absl::UnavailableError(absl::StrCat(
         "database: no answer for ", absl::FormatDuration(kStoreSilence)));
   } else {
-    view.store = version_;
     for (const absl::Status& refusal : refusals_) view.store.Update(refusal);
   }
   return view;
@@ -115,13 +114,7 @@ void ClusterMember::HearRefusal(Asked asked, const absl::Status& answer) {
 void ClusterMember::HearVersion(const absl::Status& version) {
   if (!version.ok() && !absl::IsFailedPrecondition(version)) return;
   scheduler_.LetClaim(version.ok());
-  bool is_news = false;
-  {
-    MutexLock lock(mutex_);
-    is_news = version.ok() != version_.ok();
-    version_ = version;
-  }
-  if (is_news) environment_.on_database(version);
+  HearRefusal(kVersionOfStore, version);
 }
 
 void ClusterMember::Again(Executor::Timer& timer, absl::Duration pause,

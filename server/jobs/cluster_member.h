@@ -88,7 +88,7 @@ class ClusterMember {
   void Hear(const absl::Status& answer);
   /// What is asked all the time, so that a refusal is not forgotten for the
   /// answer to something else.
-  enum Asked { kClaims, kChoresOfAll };
+  enum Asked { kVersionOfStore, kClaims, kChoresOfAll, kNumAsked };
   /// The same of whether it refuses what a process has to do.
   void HearRefusal(Asked asked, const absl::Status& answer);
   /// The same of its version: no job is taken from one that is too new.
@@ -121,8 +121,7 @@ class ClusterMember {
   /// UNAVAILABLE or OK, and when the store answered last.
   absl::Status answer_ ABSL_GUARDED_BY(mutex_);
   absl::Duration answered_ ABSL_GUARDED_BY(mutex_) = -absl::InfiniteDuration();
-  absl::Status version_ ABSL_GUARDED_BY(mutex_);
-  std::array<absl::Status, 2> refusals_ ABSL_GUARDED_BY(mutex_);
+  std::array<absl::Status, kNumAsked> refusals_ ABSL_GUARDED_BY(mutex_);
   std::optional<ClusterView::Told> told_ ABSL_GUARDED_BY(mutex_);
   absl::Duration told_at_ ABSL_GUARDED_BY(mutex_) = -absl::InfiniteDuration();
   bool is_stopped_ ABSL_GUARDED_BY(mutex_) = false;
