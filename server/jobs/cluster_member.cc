@@ -126,22 +126,28 @@ void ClusterMember::Again(Executor::Timer& timer, absl::Duration pause,
 }
 
 void ClusterMember::Renew() {
+  RenewLeases();
+  Register();
+  Again(renew_timer_, kRenewInterval, &ClusterMember::Renew);
+}
+
+void ClusterMember::RenewLeases() {
   const absl::Duration now = environment_.uptime();
   const std::vector<LeasedJob> jobs = scheduler_.runs().Leased();
-  if (jobs.empty()) {
-    renewed_ = now;
-  } else {
+  if (!jobs.empty()) {
     const auto lost = environment_.shared->Renew(jobs, environment_.lease);
     Hear(lost.status());
-    if (lost.ok()) {
-      for (const LeasedJob& job : jobs) {
-        if (std::find(lost->begin(), lost->end(), job.id) != lost->end()) {
-          OnLost(job.id, job.claim);
-        }
-      }
-      renewed_ = now;
+    if (!lost.ok()) return;
+    for (const LeasedJob& job : jobs) {
+      const auto found = std::find(lost->begin(), lost->end(), job.id);
+      if (found != lost->end()) OnLost(job.id, job.claim);
     }
   }
+  renewed_ = now;
+}
+
+void ClusterMember::Register() {
+  const absl::Duration now = environment_.uptime();
   bool registers = environment_.limits.workers > 0;
   {
     MutexLock lock(mutex_);
@@ -155,7 +161,6 @@ void ClusterMember::Renew() {
           .ok()) {
     registered_ = now;
   }
-  Again(renew_timer_, kRenewInterval, &ClusterMember::Renew);
 }
 
 void ClusterMember::OnLost(const std::string& id, std::uint64_t claim) {

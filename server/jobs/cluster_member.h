@@ -80,6 +80,8 @@ class ClusterMember {
 
  private:
   void Renew();
+  void RenewLeases();
+  void Register();
   void Follow();
   void Take();
   void DoChores();

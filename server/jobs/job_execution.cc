@@ -77,7 +77,7 @@ absl::Status JobExecution::WhenStoreAnswers(
     const LiveJob& live, const std::function<absl::Status()>& store) const {
   const absl::Duration end = environment_.uptime() + kLongestSilence;
   while (true) {
-    const absl::Status stored = store();
+    absl::Status stored = store();
     const bool may_pass = environment_.shared != nullptr &&
                           absl::IsUnavailable(stored) &&
                           !live.stop.stop_requested();

@@ -93,8 +93,9 @@ void SetDamaged(JobRecord& record) {
 JobRecord RecordOf(const pqxx::row& row) {
   const pqxx::binarystring bytes(row[kRecord]);
   auto decoded = DecodeJobRecord(Bytes(bytes));
-  // A damaged one has no inputs: running it says that they are lost.
-  JobRecord record = decoded.ok() ? *std::move(decoded) : JobRecord();
+  const bool is_damaged = !decoded.ok();
+  // Then it has no inputs: running it says that they are lost.
+  JobRecord record = is_damaged ? JobRecord() : *std::move(decoded);
   record.id = row[kId].as<std::string>();
   record.tenant = row[kTenant].as<std::string>();
   record.number = row[kNumber].as<std::uint64_t>();
@@ -102,7 +103,7 @@ JobRecord RecordOf(const pqxx::row& row) {
   record.create_time = TimeOf(row[kCreated]);
   record.end_time = TimeOf(row[kEnded]);
   record.state = static_cast<JobState>(row[kState].as<int>());
-  if (!decoded.ok() && IsTerminal(record.state)) SetDamaged(record);
+  if (is_damaged && IsTerminal(record.state)) SetDamaged(record);
   if (!row[kAttempt].is_null()) ReadLive(row, record);
   return record;
 }

@@ -149,6 +149,7 @@ absl::StatusOr<std::vector<bool>> PostgresBlobStore::AreThere(
   std::set<std::string> found;
   for (const pqxx::row& row : *rows) found.insert(row[0].as<std::string>());
   std::vector<bool> are_there;
+  are_there.reserve(sha256s.size());
   for (const std::string& sha256 : sha256s) {
     are_there.push_back(found.count(sha256) > 0);
   }

@@ -219,7 +219,7 @@ absl::Status PostgresPool::RunAlone(const Statement& statement, Repeat repeat) {
 
 absl::Status PostgresPool::Try(const Attempt& attempt) {
   bool may_repeat = false;
-  const absl::Status status = TryOnce(attempt, &may_repeat);
+  absl::Status status = TryOnce(attempt, &may_repeat);
   if (!may_repeat) return status;
   return TryOnce(attempt, &may_repeat);
 }

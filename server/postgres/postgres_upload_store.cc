@@ -74,6 +74,7 @@ absl::StatusOr<std::vector<std::size_t>> PostgresUploadStore::ReceivedBytes(
     kept[row[0].as<std::string>()] = row[1].as<std::size_t>();
   }
   std::vector<std::size_t> received;
+  received.reserve(sha256s.size());
   for (const std::string& sha256 : sha256s) received.push_back(kept[sha256]);
   return received;
 }
