@@ -2,8 +2,6 @@
 
 #include <cstdint>
 #include <cstring>
-
-#include <exception>
 #include <functional>
 #include <limits>
 #include <memory>
@@ -11,7 +9,6 @@
 #include <optional>
 #include <stop_token>
 #include <string>
-#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -19,7 +16,9 @@
 #include "absl/status/statusor.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/string_view.h"
+#include "client/c/arguments.h"
 #include "client/c/objects.h"
+#include "client/c/report.h"
 #include "core/base/status_macros.h"
 #include "core/base/version.h"
 #include "core/io/draco_mesh.h"
@@ -29,7 +28,11 @@
 #include "core/pipeline/matcher.h"
 #include "core/pipeline/memory_estimate.h"
 
+using isomatch::CopyOf;
 using isomatch::Correspondence;
+using isomatch::Guarded;
+using isomatch::Invalid;
+using isomatch::kMostElements;
 using isomatch::Landmark;
 using isomatch::MatchControl;
 using isomatch::MatchOptions;
@@ -39,64 +42,6 @@ using isomatch::SharedMesh;
 using isomatch::TriangleMesh;
 
 namespace {
-
-/// Vertices, or faces, of a mesh.
-constexpr std::int64_t kMostElements = std::numeric_limits<std::int32_t>::max();
-
-isomatch_status StatusOf(const absl::Status& status) {
-  switch (status.code()) {
-    case absl::StatusCode::kOk:
-      return ISOMATCH_OK;
-    case absl::StatusCode::kInvalidArgument:
-      return ISOMATCH_INVALID_ARGUMENT;
-    case absl::StatusCode::kCancelled:
-      return ISOMATCH_CANCELLED;
-    case absl::StatusCode::kResourceExhausted:
-      return ISOMATCH_OUT_OF_MEMORY;
-    default:
-      return ISOMATCH_INTERNAL;
-  }
-}
-
-/// What the core's messages begin with: "mesh_x: ...".
-std::string FieldOf(absl::string_view message) {
-  const absl::string_view field = message.substr(0, message.find(':'));
-  const bool is_field =
-      field.size() < message.size() &&
-      field.find_first_not_of("abcdefghijklmnopqrstuvwxyz_0123456789.[]") ==
-          absl::string_view::npos;
-  return is_field ? std::string(field) : "";
-}
-
-isomatch_status Report(const absl::Status& status, isomatch_error** error) {
-  const isomatch_status code = StatusOf(status);
-  if (code == ISOMATCH_OK || error == nullptr) return code;
-  const bool names_field = code == ISOMATCH_INVALID_ARGUMENT;
-  *error = new isomatch_error{code, std::string(status.message()),
-                              names_field ? FieldOf(status.message()) : ""};
-  return code;
-}
-
-/// Calls `call()`, which returns an absl::Status, and lets nothing out.
-template <typename Call>
-isomatch_status Guarded(isomatch_error** error, const Call& call) noexcept {
-  if (error != nullptr) *error = nullptr;
-  try {
-    return Report(call(), error);
-  } catch (const std::bad_alloc&) {
-    return ISOMATCH_OUT_OF_MEMORY;  // nor is there any for an error
-  } catch (const std::exception& thrown) {
-    try {
-      return Report(absl::InternalError(thrown.what()), error);
-    } catch (...) {
-      return ISOMATCH_INTERNAL;
-    }
-  }
-}
-
-absl::Status Invalid(absl::string_view field, absl::string_view what) {
-  return absl::InvalidArgumentError(absl::StrCat(field, ": ", what));
-}
 
 MatchOptions OptionsOf(const isomatch_options* options) {
   return options == nullptr ? MatchOptions() : options->options;
@@ -112,35 +57,7 @@ void SetAsSent(TriangleMesh& mesh) {
 
 absl::StatusOr<TriangleMesh> MeshOf(const isomatch_mesh* mesh,
                                     const std::string& field) {
-  if (mesh == nullptr) return Invalid(field, "NULL, expected a mesh");
-  for (const auto& [count, name, data] :
-       {std::tuple(mesh->num_vertices, "vertices",
-                   static_cast<const void*>(mesh->positions)),
-        std::tuple(mesh->num_faces, "faces",
-                   static_cast<const void*>(mesh->faces))}) {
-    if (count < 0 || count > kMostElements) {
-      return Invalid(field, absl::StrCat(count, " ", name, ", expected 0 to ",
-                                         kMostElements));
-    }
-    if (count > 0 && data == nullptr) {
-      return Invalid(field, absl::StrCat("NULL, expected ", count, " ", name));
-    }
-  }
-  TriangleMesh own;
-  own.positions.resize(mesh->num_vertices, 3);
-  own.faces.resize(mesh->num_faces, 3);
-  if (mesh->num_vertices > 0) {
-    std::memcpy(
-        own.positions.data(), mesh->positions,
-        sizeof(double) * static_cast<std::size_t>(own.positions.size()));
-  }
-  if (mesh->num_faces > 0) {
-    std::memcpy(
-        own.faces.data(), mesh->faces,
-        sizeof(std::int32_t) * static_cast<std::size_t>(own.faces.size()));
-  }
-  // Sorting looks up the vertices of faces.
-  ISOMATCH_RETURN_IF_ERROR(isomatch::ValidateMesh(own, field));
+  ISOMATCH_ASSIGN_OR_RETURN(TriangleMesh own, CopyOf(mesh, field));
   SetAsSent(own);
   return own;
 }
@@ -157,6 +74,13 @@ absl::StatusOr<ShapeSource> SourceOf(const isomatch_mesh* mesh,
   ISOMATCH_ASSIGN_OR_RETURN(TriangleMesh own,
                             MeshOf(mesh, absl::StrCat("mesh_", side)));
   return ShapeSource(SharedMesh(std::move(own)));
+}
+
+/// Of what SourceOf has taken.
+isomatch::MeshSize SizeOf(const isomatch_mesh* mesh,
+                          const isomatch_shape* shape) {
+  if (shape != nullptr) return shape->size;
+  return {mesh->num_vertices, mesh->num_faces};
 }
 
 absl::StatusOr<std::vector<Landmark>> LandmarksOf(const isomatch_pair& pair) {
@@ -223,8 +147,11 @@ absl::StatusOr<Correspondence> Match(ShapeSource x, ShapeSource y,
                                  {joined.OfMatching(), control.get().stop});
 }
 
-std::unique_ptr<isomatch_result> ResultOf(Correspondence found) {
+std::unique_ptr<isomatch_result> ResultOf(Correspondence found,
+                                          const isomatch::Matched& matched,
+                                          const MatchOptions& options) {
   auto result = std::make_unique<isomatch_result>();
+  result->report = isomatch::FormatReport(found, matched, options);
   for (const isomatch::PrecisePoint& point : found.precise) {
     result->precise_vertices.insert(result->precise_vertices.end(),
                                     point.vertices.begin(),
@@ -411,10 +338,11 @@ isomatch_status isomatch_prepare(const isomatch_mesh* mesh,
   return Guarded(error, [&]() -> absl::Status {
     const Control follow(control);
     ISOMATCH_ASSIGN_OR_RETURN(TriangleMesh own, MeshOf(mesh, "mesh"));
+    const isomatch::MeshSize size = isomatch::SizeOf(own);
     ISOMATCH_ASSIGN_OR_RETURN(
         PreparedShape prepared,
         isomatch::Prepare(std::move(own), OptionsOf(options), follow.get()));
-    *shape = new isomatch_shape{std::move(prepared)};
+    *shape = new isomatch_shape{std::move(prepared), size};
     return absl::OkStatus();
   });
 }
@@ -435,10 +363,13 @@ isomatch_status isomatch_match(const isomatch_pair* pair,
                               SourceOf(pair->mesh_y, pair->shape_y, "y"));
     ISOMATCH_ASSIGN_OR_RETURN(const std::vector<Landmark> known,
                               LandmarksOf(*pair));
+    const isomatch::Matched matched = {SizeOf(pair->mesh_x, pair->shape_x),
+                                       SizeOf(pair->mesh_y, pair->shape_y),
+                                       known};
     ISOMATCH_ASSIGN_OR_RETURN(
         Correspondence found,
         Match(std::move(x), std::move(y), known, OptionsOf(options), follow));
-    *result = ResultOf(std::move(found)).release();
+    *result = ResultOf(std::move(found), matched, OptionsOf(options)).release();
     return absl::OkStatus();
   });
 }

@@ -91,15 +91,16 @@ typedef struct isomatch_landmark {
 
 /* Options by name; wherever they are taken NULL is the default of all:
  *
- *   "profile"             "default", or "paper": as published
- *   "random_seed"         1; 0 or more
- *   "threads"             0: one for each core; the result does not depend on
- * it "memory_limit_bytes"  0: no limit; beyond the two meshes "solved_vertices"
- * 4000: larger meshes are decimated to about as many, and the map lifted to all
- * vertices; 0: never "match_components"    1: large components are matched one
- * by one; or 0 "landmarks_exact"     0; 1: landmarks are kept even if the rest
- * contradicts them "keep_functional_map" 0; 1: see
- * isomatch_result_functional_map */
+ * - "profile": "default", or "paper": as published
+ * - "random_seed": 1; 0 or more
+ * - "threads": 0: one for each core; the result does not depend on it
+ * - "memory_limit_bytes": 0: no limit; beyond the two meshes
+ * - "solved_vertices": 4000: larger meshes are decimated to about as many, and
+ *   the map lifted to all vertices; 0: never
+ * - "match_components": 1: large components are matched one by one; or 0
+ * - "landmarks_exact": 0; 1: landmarks are kept even if the rest contradicts
+ *   them
+ * - "keep_functional_map": 0; 1: see isomatch_result_functional_map */
 typedef struct isomatch_options isomatch_options;
 
 /* Returns the defaults; NULL without memory. */
@@ -127,10 +128,9 @@ ISOMATCH_API void isomatch_cancel_free(isomatch_cancel* cancel);
 
 /* How a call is followed, and ended. NULL where it is taken is neither. */
 typedef struct isomatch_control {
-  /* Called by one thread at a time, not always the caller's, with a stage in
-   * words
-   * ("first insertion"), how far that is, and how far all is, 0 to 1, which
-   * never falls. Has to be quick. Anything but 0 cancels. May be NULL. */
+  /* Called by one thread at a time, not always the caller's, with a stage as
+   * "first insertion", how far that is, and how far all is, 0 to 1, which never
+   * falls. Has to be quick. Anything but 0 cancels. May be NULL. */
   int (*progress)(void* user, const char* stage, double stage_fraction,
                   double total_fraction);
   void* user;
@@ -222,13 +222,14 @@ ISOMATCH_API const char* isomatch_result_verdict_advice(
 
 /* A figure by name; NaN when there is no such one:
  *
- *   "symmetry_confidence"  0 to 1: how clearly the map is better than the
- * others "mean_confidence"      0 to 1 "coverage"             fraction of Y's
- * area that is reached "geodesic_distortion"  mean, fraction of sqrt(area); 0
- * for an isometry "area_distortion"      mean |ln(area of an image / area)|
- *   "orientation_score"    -1 (mirrored) to 1 (orientation kept)
- *   "embedding_error", "objective"  Eq. 8 and 4 of the paper
- *   "area_x", "area_y"     squared mesh units */
+ * - "symmetry_confidence": 0 to 1: how clearly the map beats the others
+ * - "mean_confidence": 0 to 1
+ * - "coverage": fraction of Y's area that is reached
+ * - "geodesic_distortion": mean, fraction of sqrt(area); 0 for an isometry
+ * - "area_distortion": mean |ln(area of an image / area)|
+ * - "orientation_score": -1 (mirrored) to 1 (orientation kept)
+ * - "embedding_error", "objective": Eq. 8 and 4 of the paper
+ * - "area_x", "area_y": squared mesh units */
 ISOMATCH_API double isomatch_result_figure(const isomatch_result* result,
                                            const char* name);
 
@@ -245,6 +246,10 @@ ISOMATCH_API const char* isomatch_result_warning(const isomatch_result* result,
 ISOMATCH_API int isomatch_result_landmark_kept(const isomatch_result* result,
                                                int64_t index);
 
+/* All that is known of the result, as JSON: the fields of REPORT.json in
+ * client/README.md without times and memory, for what can read that. */
+ISOMATCH_API const char* isomatch_result_report(const isomatch_result* result);
+
 /* With "keep_functional_map": the number k of eigenfunctions, else 0; the k x k
  * matrix, by rows, that carries those of Y (columns) to X (rows); k
  * eigenvalues, 1 / area. */
@@ -256,6 +261,71 @@ ISOMATCH_API const double* isomatch_result_eigenvalues_x(
     const isomatch_result* result);
 ISOMATCH_API const double* isomatch_result_eigenvalues_y(
     const isomatch_result* result);
+
+/* A mesh file in memory. */
+typedef struct isomatch_mesh_file isomatch_mesh_file;
+
+/* Reads OFF, OBJ, PLY or STL, known by its extension. Vertices keep the file's
+ * number and order; equal corners of an STL are joined. Quadrilaterals are cut
+ * along their shorter diagonal, larger polygons into a fan. An error's field is
+ * "path", and its message names the line. */
+ISOMATCH_API isomatch_status isomatch_mesh_file_read(const char* path,
+                                                     isomatch_mesh_file** file,
+                                                     isomatch_error** error);
+ISOMATCH_API void isomatch_mesh_file_free(isomatch_mesh_file* file);
+/* Lives as long as the file. */
+ISOMATCH_API const isomatch_mesh* isomatch_mesh_file_mesh(
+    const isomatch_mesh_file* file);
+ISOMATCH_API int64_t
+isomatch_mesh_file_num_warnings(const isomatch_mesh_file* file);
+/* NULL when there is no such one. */
+ISOMATCH_API const char* isomatch_mesh_file_warning(
+    const isomatch_mesh_file* file, int64_t index);
+
+/* A text of any length. */
+typedef struct isomatch_text isomatch_text;
+
+/* Ends with a 0, which is not part of it. */
+ISOMATCH_API const char* isomatch_text_data(const isomatch_text* text);
+/* Bytes, of UTF-8. */
+ISOMATCH_API int64_t isomatch_text_size(const isomatch_text* text);
+ISOMATCH_API void isomatch_text_free(isomatch_text* text);
+
+/* Two meshes and the map between them. Its layout never changes. */
+typedef struct isomatch_mapped_pair {
+  const isomatch_mesh* mesh_x;
+  const isomatch_mesh* mesh_y;
+  /* As of isomatch_result_map: one for each vertex of X. */
+  const int32_t* map;
+  /* As of isomatch_result_precise_vertices and its weights; or both NULL. */
+  const int32_t* precise_vertices;
+  const double* precise_weights;
+} isomatch_mapped_pair;
+
+/* What a page shows beside the shapes. Each may be NULL. Its layout never
+ * changes. */
+typedef struct isomatch_page {
+  const char* title;
+  const char* name_x;
+  const char* name_y;
+  /* As of isomatch_result_confidence. */
+  const float* confidence;
+  /* As of isomatch_result_report, or a REPORT.json of the command line. */
+  const char* report;
+} isomatch_page;
+
+/* Makes the page of `isomatch view`: one HTML document that asks nothing of the
+ * network, with both shapes in 3D. `page` may be NULL. */
+ISOMATCH_API isomatch_status
+isomatch_page_make(const isomatch_mapped_pair* pair, const isomatch_page* page,
+                   isomatch_text** html, isomatch_error** error);
+
+/* Carries texture coordinates from Y to X: u and v of each corner of each face,
+ * NaN for none. No face of X gets them from two sides of a seam. `uv_y` has
+ * num_faces of Y times 6 numbers, `uv_x` gets num_faces of X times 6. */
+ISOMATCH_API isomatch_status
+isomatch_carry_texture(const isomatch_mapped_pair* pair, const double* uv_y,
+                       double* uv_x, isomatch_error** error);
 
 #ifdef __cplusplus
 } /* extern "C" */

@@ -6,6 +6,8 @@
 #include <vector>
 
 #include "client/c/isomatch.h"
+#include "core/mesh/mesh_size.h"
+#include "core/mesh/triangle_mesh.h"
 #include "core/pipeline/correspondence.h"
 #include "core/pipeline/match_options.h"
 #include "core/pipeline/prepared_shape.h"
@@ -28,6 +30,18 @@ struct isomatch_cancel {
 
 struct isomatch_shape {
   isomatch::PreparedShape shape;
+  isomatch::MeshSize size;
+};
+
+/// A mesh of a file, and what C sees of it.
+struct isomatch_mesh_file {
+  isomatch::TriangleMesh read;
+  isomatch_mesh mesh;
+  std::vector<std::string> warnings;
+};
+
+struct isomatch_text {
+  std::string text;
 };
 
 /// What the core found, with the arrays that C has in another form.
@@ -37,4 +51,5 @@ struct isomatch_result {
   std::vector<double> precise_weights;
   std::vector<double> functional_map;
   std::vector<std::string> warnings;
+  std::string report;
 };

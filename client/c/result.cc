@@ -95,6 +95,10 @@ int isomatch_result_landmark_kept(const isomatch_result* result,
   return landmarks[static_cast<std::size_t>(index)].kept ? 1 : 0;
 }
 
+const char* isomatch_result_report(const isomatch_result* result) {
+  return result->report.c_str();
+}
+
 std::int64_t isomatch_result_functional_map_size(
     const isomatch_result* result) {
   return result->found.functional_map.rows();

@@ -55,7 +55,7 @@ ALLOWED = {layer: used.split() for layer, used in {
                   " client/api client/job client/batch client/inspect client/transfer"
                   " client/sample client/viewer",
     "client/cpp": "client/files client/api",
-    "client/c": "core/base core/mesh core/io core/pipeline",
+    "client/c": "core/base core/mesh core/io core/pipeline client/files client/transfer client/viewer",
     "client": "client/cli",
 }.items()}
 

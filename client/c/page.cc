@@ -1,0 +1,106 @@
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "client/c/arguments.h"
+#include "client/c/mapped_pair.h"
+#include "client/c/objects.h"
+#include "client/files/face_finder.h"
+#include "client/files/place_file.h"
+#include "client/files/vertex_colors.h"
+#include "client/viewer/figures.h"
+#include "client/viewer/layers.h"
+#include "client/viewer/page.h"
+#include "client/viewer/pair_view.h"
+#include "core/base/status_macros.h"
+
+namespace isomatch {
+namespace {
+
+std::string TextOr(const char* text, const std::string& otherwise) {
+  return text == nullptr ? otherwise : text;
+}
+
+std::vector<SurfacePoint> OnFaces(const MappedMeshes& meshes) {
+  std::vector<SurfacePoint> points;
+  if (meshes.precise.empty()) return points;
+  const FaceFinder finder(meshes.y);
+  points.reserve(meshes.precise.size());
+  for (const PrecisePoint& place : meshes.precise) {
+    points.push_back(finder.Find(place));
+  }
+  return points;
+}
+
+/// What a page marks as the partner: of precise places the heaviest vertex.
+VertexMap PartnersOf(const MappedMeshes& meshes) {
+  if (meshes.precise.empty()) return meshes.y_from_x;
+  return PlacesOnY{.points = meshes.precise, .is_precise = true}
+      .HeaviestVertices();
+}
+
+absl::Status AddReport(const char* report, PairView& view) {
+  if (report == nullptr) return absl::OkStatus();
+  ISOMATCH_ASSIGN_OR_RETURN(
+      ReportFigures figures,
+      ParseReport("report", report, view.x.mesh.num_vertices(),
+                  view.y.mesh.num_vertices()));
+  view.figures = std::move(figures.tables);
+  view.warnings = std::move(figures.warnings);
+  return absl::OkStatus();
+}
+
+absl::StatusOr<std::string> MakePage(MappedMeshes meshes,
+                                     const isomatch_page& page) {
+  PairView view;
+  view.precise = OnFaces(meshes);
+  view.y_from_x = PartnersOf(meshes);
+  view.x = {TextOr(page.name_x, "X"), std::move(meshes.x)};
+  view.y = {TextOr(page.name_y, "Y"), std::move(meshes.y)};
+  view.title =
+      TextOr(page.title, absl::StrCat(view.x.name, " \u2192 ", view.y.name));
+  view.colors_y = PositionRgb(view.y.mesh.positions);
+  view.rotation = ViewRotation(view.x.mesh, view.y.mesh, std::nullopt);
+  ISOMATCH_RETURN_IF_ERROR(AddReport(page.report, view));
+  const MappedPair pair = {view.x.mesh, view.y.mesh, view.y_from_x,
+                           view.precise};
+  view.layers.push_back(DistortionLayer(pair));
+  if (page.confidence != nullptr) {
+    view.layers.push_back(ConfidenceLayer(
+        pair, {page.confidence, page.confidence + view.y_from_x.size()}));
+  }
+  view.figures.insert(view.figures.begin(), MapFigures(view));
+  return FormatPage(view, {});
+}
+
+}  // namespace
+}  // namespace isomatch
+
+const char* isomatch_text_data(const isomatch_text* text) {
+  return text->text.c_str();
+}
+
+std::int64_t isomatch_text_size(const isomatch_text* text) {
+  return static_cast<std::int64_t>(text->text.size());
+}
+
+void isomatch_text_free(isomatch_text* text) { delete text; }
+
+isomatch_status isomatch_page_make(const isomatch_mapped_pair* pair,
+                                   const isomatch_page* page,
+                                   isomatch_text** html,
+                                   isomatch_error** error) {
+  *html = nullptr;
+  return isomatch::Guarded(error, [&]() -> absl::Status {
+    ISOMATCH_ASSIGN_OR_RETURN(isomatch::MappedMeshes meshes,
+                              isomatch::MappedMeshesOf(*pair));
+    ISOMATCH_ASSIGN_OR_RETURN(
+        std::string made,
+        isomatch::MakePage(std::move(meshes),
+                           page == nullptr ? isomatch_page{} : *page));
+    *html = new isomatch_text{std::move(made)};
+    return absl::OkStatus();
+  });
+}
