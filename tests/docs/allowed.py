@@ -252,7 +252,6 @@ ALLOWED = [
     Allowed("sudo apt install", "changes the machine", check_apt),
     Allowed("apt install", "changes the machine", check_apt),
     Allowed("pip install", "uses the network", check_paths),
-    Allowed("/usr/bin/python3 -m pip install", "changes the machine", check_paths),
     Allowed("grpcurl", "not packaged by Debian", check_grpcurl),
     Allowed("systemctl", "needs systemd", check_unit),
 ]

@@ -4,8 +4,7 @@
     isomatch sample --pose B --vertices 2000 -o b.off
     python3 match_two_files.py a.off b.off map.txt
 
-The work is done by an isomatch-server that is started for it; give match
-server="HOST:PORT" to use one that runs.
+The work is done in this process; give match server="HOST:PORT" to have it done there.
 """
 
 import sys

@@ -50,13 +50,13 @@ def main() -> None:
     x_path, y_path, output = sys.argv[1:]
     vertices_x, faces_x = isomatch.read_mesh(x_path)
     vertices_y, faces_y = isomatch.read_mesh(y_path)
-    result = isomatch.match((vertices_x, faces_x), (vertices_y, faces_y), precise=True)
+    result = isomatch.match((vertices_x, faces_x), (vertices_y, faces_y))
 
     # Colors and labels: those of the one vertex that the map names.
     colors_x = result.transfer(paint(vertices_y))
-    # Smooth values: from a point between three vertices of Y. (Where texture
-    # coordinates have seams, leave interpolate out: there is nothing between.)
-    uv_x = result.transfer(unwrap(vertices_y), interpolate=True)
+    # Floating-point numbers: from a point between three vertices of Y. (Texture
+    # coordinates with seams, which corners have, not vertices: transfer_texture.)
+    uv_x = result.transfer(unwrap(vertices_y))
 
     write_ply(output, vertices_x, faces_x, colors_x, uv_x)
     print(f"{output}: {len(vertices_x)} vertices with the colors of {y_path}")

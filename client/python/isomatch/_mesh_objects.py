@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import ArrayLike
-
+from isomatch._numpy import np
 from isomatch._triangulation import triangulate
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+else:
+    ArrayLike = Any
 
 # The cells of meshio that are faces of a surface.
 _SURFACE_CELLS = {"triangle", "quad", "polygon"}
@@ -61,10 +64,27 @@ def _of_meshio(mesh: Any) -> _Arrays:
     return points, triangulate(polygons, points)
 
 
+def _of_blender(mesh: Any) -> _Arrays:
+    """A bpy.types.Mesh, whose collections fill arrays by foreach_get."""
+
+    def column(collection: Any, name: str, dtype: type, width: int = 1) -> Any:
+        values = np.empty(width * len(collection), dtype=dtype)
+        collection.foreach_get(name, values)
+        return values
+
+    points = column(mesh.vertices, "co", np.float32, 3).reshape(-1, 3)
+    corners = column(mesh.loops, "vertex_index", np.int32).tolist()
+    starts = column(mesh.polygons, "loop_start", np.int32).tolist()
+    totals = column(mesh.polygons, "loop_total", np.int32).tolist()
+    polygons = (corners[start : start + total] for start, total in zip(starts, totals))
+    return points, triangulate(polygons, points.astype(np.float64))
+
+
 #: What is taken beside (vertices, faces) and paths, for messages.
 TAKEN = (
     "an object with .vertices and .faces (trimesh), .vertices and .triangles (Open3D), "
-    ".points and .cells (meshio) or .points and .faces (PyVista)"
+    ".points and .cells (meshio), .points and .faces (PyVista) or .vertices and .polygons "
+    "(Blender)"
 )
 
 
@@ -74,15 +94,18 @@ _READERS: list[tuple[str, str, Callable[[Any], _Arrays]]] = [
     ("vertices", "triangles", _of_open3d),
     ("points", "cells", _of_meshio),
     ("points", "faces", _of_pyvista),
+    ("vertices", "polygons", _of_blender),
 ]
 
 
-def arrays_of(mesh: object) -> _Arrays | None:
+def arrays_of(mesh: Any) -> _Arrays | None:
     """Returns vertices and faces; None for what is none of TAKEN.
 
     Polygons are cut as those of files are. ValueError: it has no faces, or they
     are damaged.
     """
+    if getattr(mesh, "type", None) == "MESH" and hasattr(mesh, "data"):
+        mesh = mesh.data  # an object of Blender
     for vertices, faces, read in _READERS:
         if hasattr(mesh, vertices) and hasattr(mesh, faces):
             return read(mesh)

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from isomatch import _messages
 from isomatch._draco import EncodedMesh
-from isomatch.mesh import UploadedMesh, invalid
+from isomatch._landmarks import check_vertices, integer, landmark_pairs
+from isomatch.errors import invalid
+from isomatch.mesh import UploadedMesh
 
 # Room in a request for what its meshes need beside their bytes, and more.
 OVERHEAD_BYTES = 4096
@@ -30,32 +31,15 @@ def _profile(name: str) -> int:
     return _messages.enum_number("Profile", f"PROFILE_{name.upper()}")
 
 
-def _integer(field: str, value: int, low: int, high: int) -> int:
-    if isinstance(value, (int, np.integer)) and low <= value <= high:
-        return int(value)
-    raise invalid(field, f"is {value!r}, expected an integer, {low} to {high}")
-
-
 def _add_landmarks(request: Any, landmarks: ArrayLike) -> None:
-    pairs = np.asarray(landmarks)
-    if pairs.size == 0:
-        return
-    if pairs.ndim != 2 or pairs.shape[1] != 2 or pairs.dtype.kind not in "iu":
-        raise invalid(
-            "landmarks",
-            f"shape is {pairs.shape} of {pairs.dtype}, expected (k, 2) of integers",
-        )
-    for i, (x, y) in enumerate(pairs.tolist()):
-        _integer(f"landmarks[{i}].x", x, 0, 2**32 - 1)
-        _integer(f"landmarks[{i}].y", y, 0, 2**32 - 1)
+    for x, y in landmark_pairs(landmarks):
         request.landmarks.add(x=x, y=y)
 
 
 def check_landmarks(request: Any, vertices_x: int, vertices_y: int) -> None:
     """InvalidInput when one names no vertex."""
-    for i, landmark in enumerate(request.landmarks):
-        _integer(f"landmarks[{i}].x", landmark.x, 0, vertices_x - 1)
-        _integer(f"landmarks[{i}].y", landmark.y, 0, vertices_y - 1)
+    pairs = [(landmark.x, landmark.y) for landmark in request.landmarks]
+    check_vertices(pairs, vertices_x, vertices_y)
 
 
 def set_mesh(message: Any, mesh: EncodedMesh | UploadedMesh) -> None:
@@ -88,19 +72,19 @@ def create_job(
 ) -> Any:
     """All but the meshes and the request_id; Client.submit tells the rest."""
     request = _messages.CreateJobRequest(
-        labels=labels, priority=_integer("priority", priority, -(2**31), 2**31 - 1)
+        labels=labels, priority=integer("priority", priority, -(2**31), 2**31 - 1)
     )
     options = request.options
     options.profile = _profile(profile)
-    options.random_seed = _integer("random_seed", random_seed, 0, 2**64 - 1)
-    options.threads = _integer("threads", threads, 0, 2**32 - 1)
+    options.random_seed = integer("random_seed", random_seed, 0, 2**64 - 1)
+    options.threads = integer("threads", threads, 0, 2**32 - 1)
     options.landmarks_exact = landmarks_exact
     options.functional_map = functional_map
     if solved_vertices is not None:
-        options.solved_vertices = _integer(
+        options.solved_vertices = integer(
             "solved_vertices", solved_vertices, 0, 2**32 - 1
         )
-    options.memory_limit_bytes = _integer(
+    options.memory_limit_bytes = integer(
         "memory_limit_bytes", memory_limit_bytes, 0, 2**63 - 1
     )
     if landmarks is not None:

@@ -15,7 +15,8 @@ import grpc
 import grpc.aio
 
 from isomatch import _messages
-from isomatch.errors import IsomatchError, Unavailable, from_rpc
+from isomatch._rpc_errors import from_rpc
+from isomatch.errors import IsomatchError, Unavailable
 
 _SERVICE = "/isomatch.v1.CorrespondenceService/"
 

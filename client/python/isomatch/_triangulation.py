@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
+from isomatch._numpy import np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 
 def _fan_start(polygon: Sequence[int], vertices: NDArray[np.float64]) -> int:

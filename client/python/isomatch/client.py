@@ -13,16 +13,17 @@ from typing import Any, Union
 import grpc
 from numpy.typing import ArrayLike
 
-from isomatch import _draco, _messages, _requests, _server, result, status
+from isomatch import _draco, _messages, _parts, _requests, _server, _status_messages, status
+from isomatch._rpc_errors import from_rpc
 from isomatch._transport import Backoff, Transport, rpc_error
 from isomatch.errors import (
     DataLoss,
     FailedPrecondition,
     IsomatchError,
     Unavailable,
-    from_rpc,
+    invalid,
 )
-from isomatch.mesh import MeshLike, UploadedMesh, as_mesh, invalid
+from isomatch.mesh import Mesh, MeshLike, UploadedMesh, as_mesh
 from isomatch.result import MatchResult
 from isomatch.status import JobState, JobStatus, ServerInfo
 
@@ -33,11 +34,16 @@ OnProgress = Callable[[JobStatus], object]
 
 # How the parts that Job.result can be asked for are decoded.
 _DECODERS: dict[str, Callable[[bytes, int, int], Any]] = {
-    "confidence": result.decode_confidence,
-    "precise map": result.decode_precise,
-    "alternative map": result.decode_map,
-    "functional map": result.decode_functional_map,
+    "confidence": _parts.decode_confidence,
+    "precise map": _parts.decode_precise,
+    "alternative map": _parts.decode_map,
+    "functional map": _parts.decode_functional_map,
 }
+
+
+def _mesh_or_none(value: MeshLike) -> Mesh | None:
+    """One that was checked already."""
+    return value if isinstance(value, Mesh) else None
 
 
 class Client:
@@ -92,7 +98,7 @@ class Client:
         """Version, limits and load. Unavailable: no answer within 3 s."""
         request = _messages.GetServerInfoRequest()
         rpc = self._transport.rpcs.GetServerInfo
-        return status.server_info(self._transport.first_call(rpc, request))
+        return _status_messages.server_info(self._transport.first_call(rpc, request))
 
     def upload(self, mesh: MeshLike) -> UploadedMesh:
         """Brings the mesh to the server, unless it has it, and returns its name:
@@ -164,13 +170,14 @@ class Client:
         uploaded = self._add_meshes(request, x, y)
         # With it a retry cannot start a second job.
         request.request_id = str(uuid.uuid4())
-        return Job(self._transport, status.job_status(self._create(request, uploaded)))
+        created = _status_messages.job_status(self._create(request, uploaded))
+        return Job(self._transport, created, (_mesh_or_none(x), _mesh_or_none(y)))
 
     def job(self, name: str) -> Job:
         """A job by its name, "jobs/..."; NotFound when the server has none."""
         request = _messages.GetJobRequest(name=name)
         response = self._transport.call(self._transport.rpcs.GetJob, request)
-        return Job(self._transport, status.job_status(response.job))
+        return Job(self._transport, _status_messages.job_status(response.job))
 
     def jobs(
         self,
@@ -188,7 +195,7 @@ class Client:
         )
         while True:
             page = self._transport.call(self._transport.rpcs.ListJobs, request)
-            yield from map(status.job_status, page.jobs)
+            yield from map(_status_messages.job_status, page.jobs)
             if not page.next_page_token:
                 return
             request.page_token = page.next_page_token
@@ -283,9 +290,16 @@ class Client:
 class Job:
     """A job on the server. Not thread-safe."""
 
-    def __init__(self, transport: Transport, snapshot: JobStatus) -> None:
+    def __init__(
+        self,
+        transport: Transport,
+        snapshot: JobStatus,
+        meshes: tuple[Mesh | None, Mesh | None] = (None, None),
+    ) -> None:
+        """meshes: for a result that is viewed, where they are known."""
         self._transport = transport
         self._status = snapshot
+        self._meshes = meshes
 
     def __repr__(self) -> str:
         return f"<isomatch.Job {self.name} {self._status.state.value}>"
@@ -393,14 +407,15 @@ class Job:
             if is_wanted and name in info.parts
         }
         return MatchResult(
-            y_from_x=result.decode_map(data, n, end),
+            y_from_x=_parts.decode_map(data, n, end),
             vertices_y=end,
             info=info,
             job=self.name,
             confidence=parts.get("confidence"),
             precise=parts.get("precise map"),
             alternative=parts.get("alternative map"),
-            functional_map=parts.get("functional map"),
+            spectral=parts.get("functional map"),
+            meshes=self._meshes,
         )
 
     def cancel(self) -> JobStatus:
@@ -420,7 +435,7 @@ class Job:
         self._transport.call(self._transport.rpcs.DeleteJob, request)
 
     def _seen(self, message: Any) -> JobStatus:
-        self._status = status.job_status(message)
+        self._status = _status_messages.job_status(message)
         return self._status
 
     def _download(self, part: str) -> tuple[Any, bytes]:

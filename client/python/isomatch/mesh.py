@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import os
+import pathlib
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, Union
+from typing import TYPE_CHECKING, Any, Protocol, Union
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from isomatch import _library, _mesh_objects, _plain
+from isomatch._arrays import address, copied
+from isomatch._numpy import np
+from isomatch.errors import InvalidInput, InvalidType, invalid
 
-from isomatch import _mesh_file, _mesh_objects
-from isomatch.errors import InvalidInput, InvalidType
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+else:
+    ArrayLike = Any
 
 
 class HasVerticesAndFaces(Protocol):
@@ -54,6 +59,19 @@ class HasPointsAndFaces(Protocol):
     def faces(self) -> Any: ...
 
 
+class HasVerticesAndPolygons(Protocol):
+    """What Blender calls a Mesh; in the coordinates of its object."""
+
+    @property
+    def vertices(self) -> Any: ...
+
+    @property
+    def polygons(self) -> Any: ...
+
+    @property
+    def loops(self) -> Any: ...
+
+
 @dataclass(frozen=True)
 class UploadedMesh:
     """A mesh that Client.upload has brought to the server."""
@@ -64,8 +82,33 @@ class UploadedMesh:
     vertices: int
 
 
+@dataclass(frozen=True)
+class Mesh:
+    """A mesh that was checked. positions: n x 3, which single precision can hold.
+    faces: m x 3, 0-based. Without numpy one array of all numbers each. name: of its
+    file, else empty."""
+
+    positions: NDArray[np.float64]
+    faces: NDArray[np.uint32]
+    name: str = ""
+
+    @property
+    def num_vertices(self) -> int:
+        return len(self.positions) // (3 if np is None else 1)
+
+    @property
+    def num_faces(self) -> int:
+        return len(self.faces) // (3 if np is None else 1)
+
+    def borrowed(self) -> _library.Mesh:
+        """As the library takes it, while this is held."""
+        return _library.Mesh(
+            address(self.positions), self.num_vertices, address(self.faces), self.num_faces
+        )
+
+
 #: (vertices n x 3, faces m x 3), a path of a mesh file, a mesh of trimesh, Open3D,
-#: meshio or PyVista, or what Client.upload returned.
+#: meshio, PyVista or Blender, or what Client.upload returned.
 MeshLike = Union[
     tuple[ArrayLike, ArrayLike],
     Sequence[ArrayLike],
@@ -75,23 +118,15 @@ MeshLike = Union[
     HasVerticesAndTriangles,
     HasPointsAndCells,
     HasPointsAndFaces,
+    HasVerticesAndPolygons,
+    Mesh,
     UploadedMesh,
 ]
 
 
-@dataclass(frozen=True)
-class Mesh:
-    """positions: n x 3, which single precision can hold. faces: m x 3, 0-based."""
-
-    positions: NDArray[np.float64]
-    faces: NDArray[np.uint32]
-
-
-def invalid(field: str, message: str) -> InvalidInput:
-    return InvalidInput(f"{field}: {message}", reason="INVALID_FIELD", field=field)
-
-
 def _positions(values: ArrayLike, field: str) -> NDArray[np.float64]:
+    if np is None:
+        return _plain.positions(values, field)
     try:
         array = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
@@ -110,6 +145,8 @@ def _positions(values: ArrayLike, field: str) -> NDArray[np.float64]:
 
 
 def _faces(values: ArrayLike, vertices: int, field: str) -> NDArray[np.uint32]:
+    if np is None:
+        return _plain.faces(values, vertices, field)
     array = np.asarray(values)
     if array.ndim != 2 or array.shape[1] != 3 or len(array) == 0:
         raise invalid(field, f"shape is {array.shape}, expected (m, 3)")
@@ -124,10 +161,32 @@ def _faces(values: ArrayLike, vertices: int, field: str) -> NDArray[np.uint32]:
     return np.ascontiguousarray(array, dtype=np.uint32)
 
 
+def _of_file(path: str | os.PathLike[str], field: str) -> Mesh:
+    """OSError: it cannot be opened."""
+    with open(path, "rb"):
+        pass
+    file = _library.Owned("mesh_file")
+    try:
+        _library.call("mesh_file_read", os.fsencode(path), file.out)
+    except InvalidInput as error:
+        raise invalid(field, str(error).partition(": ")[2]) from None
+    mesh = file.get("mesh").contents
+    kinds = (_library.POINTER(_library.c_double), _library.POINTER(_library.c_int32))
+    pointers = (mesh.positions, mesh.faces)
+    positions, faces = (_library.cast(p, kind) for p, kind in zip(pointers, kinds))
+    name = pathlib.PurePath(os.fspath(path)).name
+    if np is None:
+        flat = copied(positions, 3 * mesh.num_vertices), copied(faces, 3 * mesh.num_faces)
+        return Mesh(_plain.array("d", flat[0]), _plain.array("i", flat[1]), name)
+    return Mesh(
+        copied(positions, mesh.num_vertices, 3),
+        copied(faces, mesh.num_faces, 3).view(np.uint32),
+        name,
+    )
+
+
 def _arrays(value: MeshLike, field: str) -> Sequence[ArrayLike]:
     """Vertices and faces, not yet checked."""
-    if isinstance(value, (str, os.PathLike)):
-        return _mesh_file.read_mesh(value, field)
     if isinstance(value, Sequence) and len(value) == 2:
         return value
     try:
@@ -149,18 +208,28 @@ def as_mesh(value: MeshLike, field: str) -> Mesh:
 
     InvalidInput, whose field begins with `field`: another shape or dtype, a
     face that names no vertex, a coordinate that is no single-precision number,
-    a file that cannot be read. InvalidType: nothing that is taken as a mesh.
+    a file that is no mesh. InvalidType: nothing that is taken as a mesh. OSError:
+    a file that cannot be opened. LibraryNotFound: nothing here reads files.
     """
+    if isinstance(value, Mesh):
+        return value
+    if isinstance(value, (str, os.PathLike)):
+        return _of_file(value, field)
     arrays = _arrays(value, field)
     positions = _positions(arrays[0], f"{field}.vertices")
-    return Mesh(positions, _faces(arrays[1], len(positions), f"{field}.faces"))
+    rows = len(positions) // (3 if np is None else 1)
+    return Mesh(positions, _faces(arrays[1], rows, f"{field}.faces"))
 
 
 def read_mesh(path: str | os.PathLike[str]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Returns vertices (n x 3) and faces (m x 3) of an OFF, OBJ, PLY or STL file.
+    """Returns vertices (n x 3) and faces (m x 3) of a mesh file, of each format that
+    `isomatch match` takes, as it reads it.
 
     Vertices keep the file's number and order; STL has none of its own: corners at
     one place become a vertex, in order of first use. Quadrilaterals are cut along their
-    shorter diagonal, larger polygons into a fan, as `isomatch match` does.
+    shorter diagonal, larger polygons into a fan. Errors: as as_mesh.
     """
-    return _mesh_file.read_mesh(path, "path")
+    mesh = _of_file(path, "path")
+    if np is None:
+        return _plain.rows(mesh.positions), _plain.rows(mesh.faces)
+    return mesh.positions, mesh.faces.astype(np.int64)

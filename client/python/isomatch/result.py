@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import dataclasses
+import math
+import os
+import pathlib
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
-from isomatch.errors import DataLoss
-from isomatch.mesh import invalid
+from isomatch import _page
+from isomatch._numpy import np
+from isomatch.errors import FailedPrecondition, invalid
+from isomatch.mesh import Mesh, MeshLike, as_mesh
 from isomatch.status import ResultInfo, Verdict
 
-_POINT = np.dtype([("vertices", "<u4", (3,)), ("weights", "<f4", (3,))])
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
 
 
 @dataclass(frozen=True)
@@ -23,7 +27,7 @@ class PreciseMap:
     """
 
     vertices: NDArray[np.int32]
-    weights: NDArray[np.float32]
+    weights: NDArray[np.floating[Any]]
 
 
 @dataclass(frozen=True)
@@ -38,29 +42,48 @@ class FunctionalMap:
     eigenvalues_y: NDArray[np.float64]
     fmap_x_from_y: NDArray[np.float64]
 
+    def first(self, k: int) -> FunctionalMap:
+        """That of the first k eigenfunctions alone."""
+        return FunctionalMap(
+            self.eigenvalues_x[:k],
+            self.eigenvalues_y[:k],
+            _each(self.fmap_x_from_y[:k], lambda row: row[:k]),
+        )
+
+
+def _each(rows: Any, function: Any) -> Any:
+    """The function of each row, in an array as `rows` is one."""
+    found = [function(row) for row in rows]
+    return found if np is None else np.array(found)
+
 
 @dataclass(frozen=True)
 class MatchResult:
-    """What a match found, in the vertex numbers of the meshes given.
+    """What a match found, in the vertex numbers of the meshes given. Arrays are those
+    of numpy, or lists where numpy is not installed.
 
     y_from_x: n integers, the vertex of Y for each vertex of X; -1 for a vertex
       on no face (see `matched` before you index with it).
     vertices_y: the number of vertices of Y.
     info: quality, scores, times, warnings, what became of the landmarks.
-    job: the job's name on the server.
+    job: the job's name on the server; empty for a match in this process.
     confidence: n, 0 (do not trust) to 1; alternative: as y_from_x, the best map
-      that was not chosen, a symmetric image as a rule. These, `precise` and
-      `functional_map` are None when not asked for or not there.
+      that was not chosen, a symmetric image as a rule. These and `precise` are None
+      when not asked for or not there.
+    meshes: X and Y, where they are known, for `view`.
     """
 
     y_from_x: NDArray[np.int32]
     vertices_y: int
     info: ResultInfo
-    job: str
+    job: str = ""
     confidence: NDArray[np.float32] | None = None
     precise: PreciseMap | None = None
     alternative: NDArray[np.int32] | None = None
-    functional_map: FunctionalMap | None = None
+    spectral: FunctionalMap | None = dataclasses.field(default=None, repr=False)
+    meshes: tuple[Mesh | None, Mesh | None] = dataclasses.field(
+        default=(None, None), repr=False, compare=False
+    )
 
     @property
     def verdict(self) -> Verdict:
@@ -70,24 +93,47 @@ class MatchResult:
     @property
     def matched(self) -> NDArray[np.bool_]:
         """n, where y_from_x names a vertex."""
+        if np is None:
+            return [y >= 0 for y in self.y_from_x]  # type: ignore[return-value]
         return self.y_from_x >= 0
 
+    def functional_map(self, k: int | None = None) -> FunctionalMap:
+        """The map as one of functions, of the first k eigenfunctions, by default of all
+        that were computed. FailedPrecondition: it was not asked for by
+        functional_map=True."""
+        if self.spectral is None:
+            raise FailedPrecondition(
+                "there is no functional map, expected functional_map=True when matching"
+            )
+        most = len(self.spectral.eigenvalues_x)
+        if k is None:
+            return self.spectral
+        if not 1 <= k <= most:
+            raise invalid("k", f"is {k}, expected 1 to {most}")
+        return self.spectral.first(k)
+
     def transfer(
-        self, values_y: ArrayLike, *, interpolate: bool = False, missing: Any = 0
+        self, values_y: ArrayLike, *, interpolate: bool | None = None, missing: Any = 0
     ) -> NDArray[Any]:
         """Returns the values of Y's vertices carried to X's.
 
-        values_y: one row (or number) a vertex of Y: colors, texture
-        coordinates, labels. interpolate: between the vertices of the face that
-        `precise` names (ask for it), for smooth values; not for labels, nor for
-        texture coordinates that have seams. missing: where there is no match.
+        values_y: one row (or number) a vertex of Y: scalars, vectors, colors, labels,
+        skin weights. interpolate: between the vertices of the face that `precise` names,
+        for smooth values; by default where that is there and they are floating-point
+        numbers, and never for integers and labels. Weights that sum to 1 do so on X.
+        missing: where there is no match. Texture coordinates with seams: see
+        transfer_texture.
         """
+        if np is None:
+            return self._transfer_lists(values_y, bool(interpolate), missing)
         values = np.asarray(values_y)
         if values.ndim == 0 or len(values) != self.vertices_y:
             raise invalid(
                 "values_y",
                 f"shape is {values.shape}, expected {self.vertices_y} rows, one a vertex",
             )
+        if interpolate is None:
+            interpolate = self.precise is not None and values.dtype.kind in "fc"
         if not interpolate:
             carried = values[self.y_from_x]
         elif self.precise is None:
@@ -99,51 +145,107 @@ class MatchResult:
         carried[~self.matched] = missing
         return carried
 
+    def _transfer_lists(self, values: Any, interpolate: bool, missing: Any) -> Any:
+        if len(values) != self.vertices_y:
+            raise invalid("values_y", f"{len(values)} rows, expected {self.vertices_y}")
+        if interpolate:
+            raise invalid("interpolate", "is True, expected numpy to be installed")
+        return [missing if y < 0 else values[y] for y in self.y_from_x]
 
-def _lost(what: str, found: object, expected: object) -> DataLoss:
-    return DataLoss(f"{what}: {found}, expected {expected}")
+    def transfer_texture(
+        self, uv_y: ArrayLike, *, x: MeshLike | None = None, y: MeshLike | None = None
+    ) -> NDArray[np.float64]:
+        """Returns the texture coordinates of Y's corners carried to X's: faces of X x 3
+        x 2, NaN where there are none. No face of X gets them from two sides of a seam.
+
+        uv_y: faces of Y x 3 x 2, NaN for none. x, y: the meshes, where the result does
+        not know them.
+        """
+        return _page.carry_texture(self, *self._both_meshes(x, y), uv_y)
+
+    def page(
+        self, title: str | None = None, *, x: MeshLike | None = None, y: MeshLike | None = None
+    ) -> str:
+        """Returns an HTML document that shows the map: both shapes in 3D. It asks
+        nothing of the network. x, y: as of transfer_texture."""
+        return _page.make(self, *self._both_meshes(x, y), title)
+
+    def view(
+        self,
+        path: str | os.PathLike[str] | None = None,
+        *,
+        title: str | None = None,
+        x: MeshLike | None = None,
+        y: MeshLike | None = None,
+    ) -> pathlib.Path | None:
+        """Shows the map: inside a notebook below its cell, else in the browser, from a
+        file among the temporary ones whose path is returned. With `path` the page is
+        written there, and not opened."""
+        return _page.show(self.page(title, x=x, y=y), path)
+
+    def _repr_html_(self) -> str | None:
+        """The page, for notebooks; None, so that they show the text, where the meshes
+        are not known."""
+        if None in self.meshes:
+            return None
+        return _page.frame(self.page())
+
+    def _both_meshes(self, x: MeshLike | None, y: MeshLike | None) -> tuple[Mesh, Mesh]:
+        found = []
+        for given, known, field in ((x, self.meshes[0], "x"), (y, self.meshes[1], "y")):
+            if given is None and known is None:
+                raise invalid(field, "is None, expected the mesh, which is not known here")
+            found.append(known if given is None else as_mesh(given, field))
+        self._check_vertices(found[0], len(self.y_from_x), "x")
+        self._check_vertices(found[1], self.vertices_y, "y")
+        return found[0], found[1]
+
+    @staticmethod
+    def _check_vertices(mesh: Mesh, expected: int, field: str) -> None:
+        if mesh.num_vertices != expected:
+            raise invalid(field, f"has {mesh.num_vertices} vertices, expected {expected}")
+
+    def report(self) -> dict[str, Any]:
+        """What `isomatch match --report` writes, but the memory that a server reserved."""
+        info = self.info
+        seconds = dict(info.stage_seconds)
+        found: dict[str, Any] = {
+            "mesh_x": _summary(info.mesh_x),
+            "mesh_y": _summary(info.mesh_y),
+            "verdict": dataclasses.asdict(info.verdict),
+            "landmarks": [dataclasses.asdict(landmark) for landmark in info.landmarks],
+            "profile": info.profile,
+            "random_seed": info.random_seed,
+            "seconds": seconds,
+            "total_seconds": info.run_seconds,
+            "peak_resident_bytes": info.peak_resident_bytes,
+            "unmatched": info.unmatched,
+            "embedding_error": info.scores.embedding_error,
+            "objective": info.objective,
+            "orientation_score": info.scores.orientation_score,
+            "scores": dataclasses.asdict(info.scores),
+            "quality": dataclasses.asdict(info.quality),
+            "symmetry_confidence": info.symmetry_confidence,
+            "alternatives": [{"scores": dataclasses.asdict(s)} for s in info.alternatives],
+            "warnings": [
+                *(f"X: {text}" for text in info.mesh_x.warnings),
+                *(f"Y: {text}" for text in info.mesh_y.warnings),
+                *info.warnings,
+            ],
+        }
+        return _without_nan(found)
 
 
-def _check_bytes(what: str, data: bytes, expected: int) -> None:
-    if len(data) != expected:
-        raise _lost(what, f"{len(data)} bytes", f"{expected} bytes")
+def _summary(mesh: Any) -> dict[str, Any]:
+    return {"vertices": mesh.vertices, "faces": mesh.faces, "area": mesh.area}
 
 
-def _indices(what: str, stored: NDArray[np.uint32], end: int) -> NDArray[np.int32]:
-    """0xFFFFFFFF as -1; the others are below `end`."""
-    indices = stored.astype(np.int64)
-    indices[indices == 0xFFFFFFFF] = -1
-    if len(indices) > 0 and indices.max() >= end:
-        raise _lost(what, f"vertex {indices.max()}", f"less than {end}")
-    return indices.astype(np.int32)
-
-
-# Each decodes the bytes of a part, whose layout ResultPart in service.proto
-# gives; n and end are the numbers of vertices of X and of Y. DataLoss: another
-# number of bytes, or a vertex that Y does not have.
-
-
-def decode_map(data: bytes, n: int, end: int) -> NDArray[np.int32]:
-    _check_bytes("map", data, 4 * n)
-    return _indices("map", np.frombuffer(data, "<u4"), end)
-
-
-def decode_precise(data: bytes, n: int, end: int) -> PreciseMap:
-    _check_bytes("precise map", data, _POINT.itemsize * n)
-    points = np.frombuffer(data, _POINT)
-    vertices = _indices("precise map", points["vertices"], end)
-    return PreciseMap(vertices, points["weights"].astype(np.float32))
-
-
-def decode_confidence(data: bytes, n: int, end: int) -> NDArray[np.float32]:
-    del end
-    _check_bytes("confidence", data, 4 * n)
-    return np.frombuffer(data, "<f4").astype(np.float32)
-
-
-def decode_functional_map(data: bytes, n: int, end: int) -> FunctionalMap:
-    del n, end
-    k = int.from_bytes(data[:4], "little")
-    _check_bytes("functional map", data, 4 + 8 * (2 * k + k * k))
-    numbers = np.frombuffer(data, "<f8", offset=4).astype(np.float64)
-    return FunctionalMap(numbers[:k], numbers[k : 2 * k], numbers[2 * k :].reshape(k, k))
+def _without_nan(value: Any) -> Any:
+    """What JSON has no number for is null."""
+    if isinstance(value, dict):
+        return {key: _without_nan(entry) for key, entry in value.items()}
+    if isinstance(value, list):
+        return [_without_nan(entry) for entry in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

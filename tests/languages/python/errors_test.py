@@ -41,7 +41,9 @@ class InvalidInputTest(unittest.TestCase):
         self.expect_field("x.vertices", square(vertices=SQUARE[0][:, :2]), square())
         self.expect_field("x.vertices[2]", square(SQUARE[0] * [[1], [1], [np.nan], [1]]), square())
         self.expect_field("x.vertices[1]", square(SQUARE[0] * [[1], [1e60], [1], [1]]), square())
-        self.expect_field("x", "mesh.gltf", square())
+        document = support.folder() / "mesh.doc"
+        document.write_text("{}")
+        self.expect_field("x", document, square())
         self.expect_field("y", square(), 7)
 
     def test_wrong_options_name_their_field(self):

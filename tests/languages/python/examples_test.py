@@ -1,5 +1,6 @@
 """Each page of client/python/examples runs and does what it says."""
 
+import json
 import os
 import pathlib
 import subprocess
@@ -46,12 +47,19 @@ class ExamplesTest(unittest.TestCase):
         said = self.run_example(
             "template_to_many.py", template, folder, other, bad, third, status=1
         )
-        self.assertIn("y.faces[0]", said)
+        self.assertIn("y: '", said)
+        self.assertIn("face 0 (0-based) names vertex", said)
         written = np.load(folder / f"{other.stem}.npy")
         self.assertEqual(
             support.as_map_file(written), support.map_of_command_line(template, other)
         )
         self.assertEqual(len(np.load(folder / f"{third.stem}.npy")), 1000)
+        # The template as the other mesh: its faces, near the other's surface.
+        laid, faces = isomatch.read_mesh(folder / f"{other.stem}.ply")
+        np.testing.assert_array_equal(faces, isomatch.read_mesh(template)[1])
+        images = isomatch.read_mesh(other)[0][written]
+        self.assertLess(np.linalg.norm(laid - images, axis=1).max(), 0.2)
+        self.assertLess(np.linalg.norm(laid - images, axis=1).mean(), 0.04)
 
     def test_landmarks(self):
         pairs = support.folder() / "pairs.txt"
@@ -83,6 +91,51 @@ class ExamplesTest(unittest.TestCase):
         self.assertGreater(same.mean(), 0.9)
         off = np.abs(rows[:, 3:5] - transfer_texture.unwrap(places)[true]).max(axis=1)
         self.assertLess(np.median(off), 0.03)
+
+    def test_from_pyfm(self):
+        said = self.run_example("from_pyfm.py", *support.pair())
+        self.assertIn("p2p_21: 1000 vertices of X", said)
+        self.assertIn("FM_12: (30, 30)", said)
+
+    def test_from_trimesh(self):
+        """With one that loads and writes as trimesh does, which Debian does not have."""
+        output = support.folder() / "fitted.ply"
+        x, y = support.pair()
+        said = self.run_example(
+            "from_trimesh.py", x, y, output,
+            PYTHONPATH=f"{pathlib.Path(__file__).parent / 'stand_ins'}:{os.environ['PYTHONPATH']}",
+        )  # fmt: skip
+        self.assertIn("1000 vertices of X where they lie on Y", said)
+        fitted, faces = isomatch.read_mesh(output)
+        np.testing.assert_array_equal(faces, isomatch.read_mesh(x)[1])
+        true = isomatch.read_mesh(y)[0][support.truth()]
+        self.assertLess(np.median(np.linalg.norm(fitted - true, axis=1)), 0.05)
+
+    def test_from_slicer(self):
+        x, y = support.pair()
+        vertices = isomatch.read_mesh(x)[0]
+        chosen = [7, 300, 650]
+        markups = {
+            "markups": [
+                {
+                    "type": "Fiducial",
+                    "coordinateSystem": "LPS",
+                    "controlPoints": [
+                        {"id": str(i), "label": f"F-{i}", "position": vertices[i].tolist()}
+                        for i in chosen
+                    ],
+                }
+            ]
+        }
+        given, output = support.folder() / "points.mrk.json", support.folder() / "carried.mrk.json"
+        given.write_text(json.dumps(markups))
+        said = self.run_example("from_slicer.py", x, y, given, output)
+        self.assertIn("F-300", said)
+        points = json.loads(output.read_text())["markups"][0]["controlPoints"]
+        self.assertEqual([point["label"] for point in points], ["F-7", "F-300", "F-650"])
+        true = isomatch.read_mesh(y)[0][support.truth()[chosen]]
+        off = np.linalg.norm([point["position"] for point in points] - true, axis=1)
+        self.assertLess(off.max(), 0.2)
 
     def test_watch_from_another_process(self):
         name = "watch_from_another_process.py"

@@ -6,7 +6,7 @@ from concurrent import futures
 import grpc
 
 import isomatch
-from isomatch import _messages, status
+from isomatch import _messages, _status_messages
 
 
 class ForwardingServer(grpc.GenericRpcHandler):
@@ -76,7 +76,7 @@ class ForwardingServer(grpc.GenericRpcHandler):
                 found.request_id = "another"
                 transport = other._transport
                 response = transport.call(transport.rpcs.CreateJob, found)
-                job = isomatch.Job(transport, status.job_status(response.job))
+                job = isomatch.Job(transport, _status_messages.job_status(response.job))
                 job.cancel()
                 list(job.watch())
                 job.delete()

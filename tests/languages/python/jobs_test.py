@@ -18,7 +18,7 @@ import support
 
 import isomatch
 from isomatch import _draco, _messages, _transport
-from isomatch.status import job_status
+from isomatch._status_messages import job_status
 from isomatch.mesh import as_mesh
 
 INTERRUPTED = """

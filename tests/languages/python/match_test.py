@@ -1,6 +1,8 @@
-"""isomatch.match against real servers: what comes back, in whose numbers."""
+"""isomatch.match in this process and on a server: what comes back, in whose numbers."""
 
 import hashlib
+import json
+import re
 import types
 import unittest
 
@@ -8,15 +10,18 @@ import numpy as np
 import support
 
 import isomatch
-from isomatch import result as parts
+from isomatch import _parts as parts
 
 
-class MatchTest(unittest.TestCase):
-    """With the embedded server."""
+class MatchTest:
+    """Wherever it is done."""
+
+    def match(self, *pair, **options):
+        return isomatch.match(*pair, server=self.server, **options)
 
     def test_files_give_the_bytes_of_the_command_line(self):
         x, y = support.pair()
-        result = isomatch.match(x, y)
+        result = self.match(x, y)
         self.assertEqual(support.as_map_file(result.y_from_x), support.map_of_command_line(x, y))
         self.assertGreater((result.y_from_x == support.truth()).mean(), 0.7)
         self.assertEqual((result.verdict.level, result.verdict.advice), ("good", ""))
@@ -25,21 +30,21 @@ class MatchTest(unittest.TestCase):
     def test_a_bad_map_says_so(self):
         dice = np.random.default_rng(1)
         nonsense = dice.normal(size=(500, 3)), dice.integers(0, 500, (1000, 3))
-        result = isomatch.match(nonsense, support.pair()[1])
+        result = self.match(nonsense, support.pair()[1])
         self.assertEqual(result.verdict.level, "bad")
         self.assertNotEqual(result.verdict.advice, "")
 
     def test_decimated_meshes_give_the_bytes_of_the_command_line(self):
         # Decimation depends on the order of faces, which Draco does not keep.
         x, y = support.sample("A", 1000), support.sample("C", 6000)
-        result = isomatch.match(x, y)
+        result = self.match(x, y)
         self.assertEqual(support.as_map_file(result.y_from_x), support.map_of_command_line(x, y))
 
     def test_arrays_and_objects_give_what_files_give(self):
         x, y = support.pair()
         vertices, faces = isomatch.read_mesh(y)
         trimesh_like = types.SimpleNamespace(vertices=vertices, faces=faces)
-        result = isomatch.match(isomatch.read_mesh(x), trimesh_like)
+        result = self.match(isomatch.read_mesh(x), trimesh_like)
         self.assertEqual(support.as_map_file(result.y_from_x), support.map_of_command_line(x, y))
 
     def test_the_map_is_in_the_numbers_of_the_arrays(self):
@@ -48,8 +53,8 @@ class MatchTest(unittest.TestCase):
         # Y upside down: vertex i becomes n - 1 - i, and 50 of it are on no face.
         last = len(vertices) - 1
         spare = np.tile([[9.0, 9.0, 9.0]], (50, 1))
-        result = isomatch.match(x, (np.vstack([vertices[::-1], spare]), last - faces))
-        agree = last - result.y_from_x == isomatch.match(x, y).y_from_x
+        result = self.match(x, (np.vstack([vertices[::-1], spare]), last - faces))
+        agree = last - result.y_from_x == self.match(x, y).y_from_x
         self.assertGreater(agree.mean(), 0.9)
 
     def test_vertices_on_no_face_are_unmatched(self):
@@ -59,7 +64,7 @@ class MatchTest(unittest.TestCase):
         for spare in (3, 8 * len(vertices)):
             with self.subTest(spare=spare):
                 longer = np.vstack([np.zeros((spare, 3)), vertices])
-                result = isomatch.match((longer, faces + spare), y)
+                result = self.match((longer, faces + spare), y)
                 self.assertTrue((result.y_from_x[:spare] == -1).all())
                 self.assertEqual(
                     support.as_map_file(result.y_from_x[spare:]),
@@ -71,7 +76,7 @@ class MatchTest(unittest.TestCase):
 
     def test_landmarks_are_kept_or_reported(self):
         true = support.truth()
-        result = isomatch.match(
+        result = self.match(
             *support.pair(), landmarks=[(7, true[7]), (300, true[300]), (500, true[20])]
         )
         kept = [outcome.kept for outcome in result.info.landmarks]
@@ -81,52 +86,106 @@ class MatchTest(unittest.TestCase):
 
     def test_exact_landmarks_are_all_kept(self):
         wrong = support.truth()[20]
-        result = isomatch.match(
+        result = self.match(
             *support.pair(), landmarks=np.array([[500, wrong]]), landmarks_exact=True
         )
         self.assertEqual(result.y_from_x[500], wrong)
 
     def test_progress_does_not_fall_and_ends(self):
         seen = []
-        isomatch.match(*support.pair(), on_progress=seen.append)
+        self.match(*support.pair(), on_progress=seen.append)
         fractions = [status.total_fraction for status in seen]
         self.assertEqual(fractions, sorted(fractions))
         self.assertIs(seen[-1].state, isomatch.JobState.SUCCEEDED)
 
     def test_parts_come_when_asked_for(self):
-        bare = isomatch.match(*support.pair(), confidence=False)
+        bare = self.match(
+            *support.pair(), confidence=False, precise=False, functional_map=False
+        )
         self.assertIsNone(bare.confidence)
         self.assertIsNone(bare.precise)
-        full = isomatch.match(*support.pair(), precise=True, functional_map=True)
+        with self.assertRaises(isomatch.FailedPrecondition):
+            bare.functional_map()
+        full = self.match(*support.pair())
         self.assertEqual(full.confidence.shape, (1000,))
         self.assertTrue(((full.confidence >= 0) & (full.confidence <= 1)).all())
         np.testing.assert_allclose(full.precise.weights.sum(axis=1), 1, atol=1e-5)
-        k = len(full.functional_map.eigenvalues_x)
-        self.assertEqual(full.functional_map.fmap_x_from_y.shape, (k, k))
-        self.assertLess(full.functional_map.eigenvalues_y[0], 1e-6)
+        whole = full.functional_map()
+        k = len(whole.eigenvalues_x)
+        self.assertEqual(whole.fmap_x_from_y.shape, (k, k))
+        self.assertLess(whole.eigenvalues_y[0], 1e-6)
+        first = full.functional_map(5)
+        self.assertEqual(len(first.eigenvalues_y), 5)
+        np.testing.assert_array_equal(first.fmap_x_from_y, whole.fmap_x_from_y[:5, :5])
+        for wrong in (0, k + 1):
+            with self.assertRaisesRegex(isomatch.InvalidInput, f"k: is {wrong}, expected 1 to"):
+                full.functional_map(wrong)
 
     def test_values_are_carried_from_y_to_x(self):
         x, y = support.pair()
-        result = isomatch.match(x, y, precise=True)
+        result = self.match(x, y)
         places, _ = isomatch.read_mesh(y)
         labels = np.arange(len(places))
         np.testing.assert_array_equal(result.transfer(labels), result.y_from_x)
-        nearest = result.transfer(places)
-        between = result.transfer(places, interpolate=True)
+        nearest = result.transfer(places, interpolate=False)
+        np.testing.assert_array_equal(nearest, places[result.y_from_x])
+        # Floating-point numbers are taken between the vertices.
+        between = result.transfer(places)
         # Within an edge of each other.
         self.assertLess(np.linalg.norm(nearest - between, axis=1).max(), 0.2)
         self.assertGreater(np.abs(nearest - between).max(), 0)
+        weights = np.random.default_rng(1).dirichlet(np.ones(4), len(places))
+        np.testing.assert_allclose(result.transfer(weights).sum(axis=1), 1, atol=1e-6)
+        names = result.transfer(np.array(["a", "b"])[labels % 2], missing="")
+        np.testing.assert_array_equal(names == "b", result.y_from_x % 2 == 1)
         with self.assertRaisesRegex(isomatch.InvalidInput, "expected 900 rows"):
             result.transfer(labels[1:])
 
-    def test_options_reach_the_server(self):
-        result = isomatch.match(*support.pair(), random_seed=7, solved_vertices=500)
+    def test_options_are_obeyed(self):
+        result = self.match(*support.pair(), random_seed=7, solved_vertices=500)
         self.assertEqual(result.info.random_seed, 7)
-        again = isomatch.match(*support.pair(), random_seed=7)
+        again = self.match(*support.pair(), random_seed=7)
         self.assertFalse((result.y_from_x == again.y_from_x).all())
         with self.assertRaisesRegex(isomatch.InvalidInput, "at least") as refused:
-            isomatch.match(*support.pair(), memory_limit_bytes=2_000_000)
-        self.assertEqual(refused.exception.field, "options.memory_limit_bytes")
+            self.match(*support.pair(), memory_limit_bytes=2_000_000)
+        self.assertTrue(refused.exception.field.endswith("memory_limit_bytes"))
+
+    def test_the_page_is_that_of_the_command(self):
+        x, y = support.pair()
+        result = self.match(x, y)
+        folder = support.folder()
+        parts = [folder / f"page-{name}.txt" for name in ("map", "places", "confidence", "report")]
+        # The command's own report has other times.
+        parts[3].write_text(json.dumps(result.report()))
+        support.run_isomatch(
+            "match", x, y, "-o", parts[0], "--precise", parts[1], "--confidence", parts[2],
+            "--no-progress",
+        )  # fmt: skip
+        support.run_isomatch(
+            "view", x, y, parts[1], "-o", folder / "page.html", "--confidence", parts[2],
+            "--report", parts[3],
+        )  # fmt: skip
+        of_command, of_result = (
+            json.loads(re.search(r'<script[^>]*id="pair">(.*?)</script>', text, re.S).group(1))
+            for text in ((folder / "page.html").read_text(), result.page())
+        )
+        self.assertEqual(of_command.keys(), of_result.keys())
+        for key in of_command:
+            # Files have fewer digits than arrays.
+            if key not in ("precise", "layers", "figures"):
+                self.assertEqual(of_command[key], of_result[key], key)
+        self.assertEqual(len(of_command["layers"]), len(of_result["layers"]))
+
+
+class InProcessTest(MatchTest, unittest.TestCase):
+    server = None
+
+
+class OnServerTest(MatchTest, unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.server = isomatch.Client()  # an embedded one
+        cls.addClassCleanup(cls.server.close)
 
 
 class DamagedResultTest(unittest.TestCase):

@@ -161,44 +161,31 @@ class ReadMeshTest(unittest.TestCase):
         np.testing.assert_array_equal(vertices, VERTICES)
 
     def test_damaged_files_name_the_file_and_what_was_expected(self):
+        """Each that the readers refuse is tested in tests/client/files."""
         damaged = {
-            "cut.off": (OFF[: OFF.index("9 9 9")], "line 8: vertex 5 (0-based) of 6: the file ends"),
-            "faces.off": (OFF.replace("6 2 0", "6 3 0"), "face 2 (0-based) of 3: the file ends"),
-            "not.off": ("COFF\n0 0 0\n", "expected OFF"),
-            "words.off": (
-                OFF.replace("3.25", "tall"),
-                "line 8: vertex 4 (0-based) of 6: a coordinate is 'tall', expected a finite number",
-            ),
-            "score.off": (OFF.replace("9 9 9", "9 1_0 9"), "line 9: vertex 5 (0-based) of 6"),
-            "edge.off": (OFF.replace("3 2 4 3 255 0 0", "2 0 1"), "line 11: face 1"),
-            "row.off": (OFF.replace("4 0 1 2 3", "4 0 1 2"), "line 10: face 0 (0-based) of 2: it has 3"),
-            "rows.ply": (ply_ascii()[:-8], "line 18: face 1 (0-based) of 2: the file ends"),
-            "words.ply": (ply_ascii().replace(b"3.25", b"tall"), "line 16: vertex 4 (0-based) of 6"),
-            "cut.ply": (ply_binary("<", "binary_little_endian", TRIANGLES)[:-3], "buffer"),
-            "none.ply": ("ply\n", "end_header"),
-            "flat.ply": (ply_ascii().replace(b" z\n", b" w\n"), "no property z"),
-            "bad.obj": ("v 0 0\nf 1 2 3\n", "line 1: a vertex has 2 coordinates"),
-            "hex.obj": (OBJ + "v 0x10 0 0", "line 17: a coordinate is '0x10'"),
-            "score.obj": (OBJ + "v 1_0 0 0", "line 17: a coordinate is '1_0'"),
+            "words.off": (OFF.replace("3.25", "tall"), "line 8: y of vertex 4 (0-based) is 'tall'"),
+            "row.ply": (ply_ascii()[:-8], "line 19: the header claims 2 of element face"),
+            "cut.ply": (ply_binary("<", "binary_little_endian", TRIANGLES)[:-3], "9 bytes are left"),
             "zero.obj": (OBJ + "f 0 1 2\n", "line 17: a face's corner is '0'"),
-            "back.obj": (OBJ + "f 1 2 -7\n", "line 17: a face's corner is '-7'"),
-            "half.obj": (OBJ + "f 1.5/2 2 3\n", "'1.5/2', expected V, V/VT, V//VN or V/VT/VN"),
-            "texture.obj": (OBJ + "f 1/a 2 3\n", "'1/a'"),
-            "edge.obj": (OBJ + "\n# \nf 1 2\n", "line 19: a face has 2 corners"),
-            "mesh.gltf": ("{}", "expected .off, .obj, .ply or .stl"),
-            "word.stl": ("solid", "expected `endsolid`"),
-            "quad.stl": (STL.replace("endloop", "vertex 0 0 0", 1), "facet 0"),
-            "cut.stl": (STL[:-20], "expected `endsolid`"),
-            "tall.stl": (STL.replace("vertex 1 0 0", "vertex 1 0 tall", 1), "line 4: a coordinate"),
-            "none.stl": (bytes(80) + b"\2\0\0\0" + bytes(50), "134 bytes, expected 184"),
+            "mesh.doc": ("{}", "expected a mesh in an .off"),
+            "cut.stl": (STL[:-20], "without `endsolid`"),
         }
         for name, (data, said) in damaged.items():
             with self.subTest(name=name):
                 path = self.write(name, data)
                 with self.assertRaises(isomatch.InvalidInput) as caught:
                     isomatch.read_mesh(path)
-                self.assertIn(str(path), str(caught.exception))
+                self.assertIn(f"path: '{path}'", str(caught.exception))
                 self.assertIn(said, str(caught.exception))
+                self.assertEqual(caught.exception.field, "path")
+                with self.assertRaisesRegex(isomatch.InvalidInput, "^y: '"):
+                    isomatch.match((VERTICES[:5], TRIANGLES), path)
+
+    def test_files_that_cannot_be_opened_are_the_errors_of_python(self):
+        with self.assertRaises(FileNotFoundError):
+            isomatch.read_mesh(support.folder() / "none.off")
+        with self.assertRaises(IsADirectoryError):
+            isomatch.match(support.folder(), support.folder())
 
 
 if __name__ == "__main__":

@@ -12,6 +12,7 @@ import re
 import shutil
 import signal
 import subprocess
+import sys
 import tempfile
 import threading
 import time
@@ -76,6 +77,27 @@ class Server:
 
 def run_isomatch(*arguments: str | os.PathLike[str]) -> None:
     subprocess.run([CLIENT_BINARY, *arguments], check=True, timeout=120)
+
+
+#: Of requires-python.
+OLDEST_PYTHON = (3, 9)
+
+
+def other_pythons() -> dict[str, pathlib.Path]:
+    """The Pythons of this machine that the package is for, but the one that runs this:
+    those of pyenv, whose shims in PATH need not work, and others in PATH."""
+    folders = [*pathlib.Path.home().glob(".pyenv/versions/*/bin")]
+    folders += map(pathlib.Path, os.environ["PATH"].split(os.pathsep))
+    found = {}
+    for folder in folders:
+        if folder.name == "shims":
+            continue
+        for file in folder.glob("python3.*"):
+            version = re.fullmatch(r"python3\.(\d+)", file.name)
+            if version and (3, int(version.group(1))) >= OLDEST_PYTHON and os.access(file, os.X_OK):
+                found.setdefault(file.name, file)
+    found.pop("python{}.{}".format(*sys.version_info), None)
+    return found
 
 
 @functools.cache

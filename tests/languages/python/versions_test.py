@@ -4,27 +4,18 @@ import ast
 import asyncio
 import os
 import pathlib
-import re
 import subprocess
 import sys
 import unittest
 from unittest import mock
+
+import support
 
 import isomatch
 from isomatch import _transport
 
 PACKAGE = pathlib.Path(isomatch.__file__).parent
 EXAMPLES = pathlib.Path(os.environ["ISOMATCH_EXAMPLES"])
-OLDEST = tuple(
-    map(
-        int,
-        re.search(
-            r'requires-python = ">=(\d+)\.(\d+)"',
-            (EXAMPLES.parent / "pyproject.toml").read_text(),
-        ).groups(),
-    )
-)
-
 # Imports the package where neither numpy nor gRPC need be: what it asks of them while
 # it is imported answers whatever is asked.
 IMPORT_ALL = """
@@ -42,30 +33,13 @@ for file in pathlib.Path(sys.argv[2]).glob("*.py"):
 """
 
 
-def pythons():
-    """The Pythons of this machine that the package is for, but the one that runs this:
-    those of pyenv, whose shims in PATH need not work, and others in PATH."""
-    folders = [*pathlib.Path.home().glob(".pyenv/versions/*/bin")]
-    folders += map(pathlib.Path, os.environ["PATH"].split(os.pathsep))
-    found = {}
-    for folder in folders:
-        if folder.name == "shims":
-            continue
-        for file in folder.glob("python3.*"):
-            version = re.fullmatch(r"python3\.(\d+)", file.name)
-            if version and (3, int(version.group(1))) >= OLDEST and os.access(file, os.X_OK):
-                found.setdefault(file.name, file)
-    found.pop("python{}.{}".format(*sys.version_info), None)
-    return found
-
-
 class VersionsTest(unittest.TestCase):
     def test_the_oldest_python_can_parse_every_file(self):
         files = [*PACKAGE.glob("*.py"), *EXAMPLES.glob("*.py")]
         self.assertGreater(len(files), 10)
         for file in files:
             with self.subTest(file=file.name):
-                tree = ast.parse(file.read_text(), feature_version=OLDEST)
+                tree = ast.parse(file.read_text(), feature_version=support.OLDEST_PYTHON)
                 # `X | Y` in annotations is evaluated otherwise, before 3.10.
                 future = [node for node in tree.body if isinstance(node, ast.ImportFrom)
                           and node.module == "__future__"]  # fmt: skip
@@ -79,8 +53,8 @@ class VersionsTest(unittest.TestCase):
     def test_each_other_python_of_this_machine_imports_the_package(self):
         """Without numpy and gRPC, which only this Python need have: that every line which
         runs on import does so, no more."""
-        found = pythons()
-        oldest = "{}.{}".format(*OLDEST)
+        found = support.other_pythons()
+        oldest = "{}.{}".format(*support.OLDEST_PYTHON)
         if not found:
             self.skipTest(f"no other Python here, expected one of {oldest} or later")
         print("imported by", ", ".join(sorted(found)))

@@ -1,0 +1,270 @@
+"""Matching in this process, by libisomatch.so.0."""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import math
+import queue
+import resource
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+from isomatch import _library
+from isomatch._arrays import copied
+from isomatch._landmarks import checked_landmarks, integer
+from isomatch.errors import InvalidType, invalid
+from isomatch.mesh import Mesh, MeshLike, UploadedMesh, as_mesh
+from isomatch.result import FunctionalMap, MatchResult, PreciseMap
+from isomatch.status import (
+    JobStatus,
+    LandmarkOutcome,
+    MeshSummary,
+    Quality,
+    ResultInfo,
+    Scores,
+    Verdict,
+    running,
+    succeeded,
+)
+
+OnStatus = Callable[[JobStatus], object]
+
+
+class PreparedMesh:
+    """A mesh and what matching needs to know of it alone: `prepare` makes one, `match`
+    takes it in place of a mesh, any number of times, by threads too."""
+
+    def __init__(self, mesh: Mesh, shape: _library.Owned) -> None:
+        self.mesh = mesh
+        self._shape = shape
+
+    def __repr__(self) -> str:
+        return f"<isomatch.PreparedMesh {self.mesh.name or self.mesh.num_vertices}>"
+
+    @property
+    def handle(self) -> ctypes.c_void_p:
+        return self._shape.handle
+
+
+class Options:
+    """isomatch_options, of what the caller gives. InvalidInput names what is wrong."""
+
+    def __init__(self, *, profile: str, **numbers: int | None) -> None:
+        self._owned = _library.Owned("options", _library.load().isomatch_options_new())
+        if not isinstance(profile, str):
+            raise invalid("profile", f"is {profile!r}, expected 'default' or 'paper'")
+        _library.call("options_set_text", self.handle, b"profile", profile.encode())
+        for name, value in numbers.items():
+            if value is not None:
+                # The library says what its numbers may be.
+                number = integer(name, value, -(2**63), 2**63 - 1)
+                _library.call("options_set_integer", self.handle, name.encode(), number)
+
+    @property
+    def handle(self) -> ctypes.c_void_p:
+        return self._owned.handle
+
+
+class _Clock:
+    """The seconds of stages, from what the library tells of its progress."""
+
+    def __init__(self) -> None:
+        self.start = self._last = time.monotonic()
+        self._stage = ""
+        self.seconds: dict[str, float] = {}
+
+    def tell(self, stage: str) -> None:
+        now = time.monotonic()
+        if self._stage:
+            self.seconds[self._stage] = self.seconds.get(self._stage, 0) + now - self._last
+        self._stage, self._last = stage, now
+
+
+def _run(call: Callable[[Any], None], on_status: OnStatus | None) -> _Clock:
+    """Calls `call(control)` in a thread of its own, so that this one may be interrupted,
+    which then cancels it; on_status is called by this one."""
+    clock = _Clock()
+    events: queue.SimpleQueue[Any] = queue.SimpleQueue()
+    cancel = _library.Owned("cancel", _library.load().isomatch_cancel_new())
+
+    def told(_user: Any, stage: bytes, of_stage: float, of_all: float) -> int:
+        clock.tell(stage.decode())
+        if on_status is not None:
+            events.put((stage.decode(), of_stage, of_all))
+        return 0
+
+    # Held until the call is over.
+    control = _library.Control(_library.OnProgress(told), None, cancel.handle)
+
+    def work() -> None:
+        try:
+            call(ctypes.byref(control))
+            events.put(None)
+        except BaseException as error:
+            events.put(error)
+
+    worker = threading.Thread(target=work, name="isomatch")
+    worker.start()
+    try:
+        while (event := events.get()) is not None:
+            if isinstance(event, BaseException):
+                raise event
+            assert on_status is not None
+            on_status(running(*event))
+    except BaseException:
+        cancel.get("request")
+        raise
+    finally:
+        worker.join()
+    clock.tell("")
+    return clock
+
+
+def prepare(
+    mesh: MeshLike,
+    *,
+    profile: str = "default",
+    threads: int = 0,
+    solved_vertices: int | None = None,
+    memory_limit_bytes: int = 0,
+) -> PreparedMesh:
+    """Does what matching does with one mesh alone, for one that is matched many times.
+
+    >>> template = isomatch.prepare("template.ply")
+    >>> maps = [isomatch.match(template, scan) for scan in scans]
+
+    The options are those of `match`, which has to get the same; the maps are then those
+    of the meshes. Errors: as match.
+    """
+    checked = as_mesh(mesh, "mesh")
+    options = Options(
+        profile=profile,
+        threads=threads,
+        memory_limit_bytes=memory_limit_bytes,
+        solved_vertices=solved_vertices,
+    )
+    shape = _library.Owned("shape")
+    borrowed = checked.borrowed()
+
+    def call(control: Any) -> None:
+        _library.call("prepare", ctypes.byref(borrowed), options.handle, control, shape.out)
+
+    _run(call, None)
+    return PreparedMesh(checked, shape)
+
+
+def _side(value: Any, field: str) -> tuple[Mesh, Any, Any]:
+    """The mesh, and what of it the library gets: itself or its shape."""
+    if isinstance(value, UploadedMesh):
+        raise InvalidType(
+            f"{field}: is on a server, expected server= beside it",
+            reason="INVALID_FIELD",
+            field=field,
+        )
+    if isinstance(value, PreparedMesh):
+        return value.mesh, None, value.handle
+    mesh = as_mesh(value, field)
+    return mesh, ctypes.pointer(mesh.borrowed()), None
+
+
+def match(
+    x: Any,
+    y: Any,
+    *,
+    landmarks: Any,
+    options: Options,
+    on_status: OnStatus | None,
+    wanted: dict[str, bool],
+) -> MatchResult:
+    """isomatch.match without a server; `wanted` has the flags of its results."""
+    mesh_x, borrowed_x, shape_x = _side(x, "x")
+    mesh_y, borrowed_y, shape_y = _side(y, "y")
+    pairs = checked_landmarks(landmarks, mesh_x.num_vertices, mesh_y.num_vertices)
+    known = (_library.Landmark * len(pairs))(*pairs)
+    pair = _library.Pair(borrowed_x, shape_x, borrowed_y, shape_y, known, len(pairs))
+    found = _library.Owned("result")
+
+    def call(control: Any) -> None:
+        _library.call("match", ctypes.byref(pair), options.handle, control, found.out)
+
+    clock = _run(call, on_status)
+    result = _result_of(found, (mesh_x, mesh_y), clock, wanted)
+    if on_status is not None:
+        on_status(succeeded(result.info))
+    return result
+
+
+def _result_of(
+    found: _library.Owned, meshes: tuple[Mesh, Mesh], clock: _Clock, wanted: dict[str, bool]
+) -> MatchResult:
+    n = found.get("num_vertices")
+    parts: dict[str, Any] = {}
+    if wanted["confidence"]:
+        parts["confidence"] = copied(found.get("confidence"), n)
+    if wanted["precise"]:
+        parts["precise"] = PreciseMap(
+            copied(found.get("precise_vertices"), n, 3),
+            copied(found.get("precise_weights"), n, 3),
+        )
+    if wanted["alternative"] and found.get("num_alternatives") > 0:
+        parts["alternative"] = copied(found.get("alternative", 0), n)
+    if wanted["functional_map"]:
+        k = found.get("functional_map_size")
+        parts["spectral"] = FunctionalMap(
+            copied(found.get("eigenvalues_x"), k),
+            copied(found.get("eigenvalues_y"), k),
+            copied(found.get("functional_map"), k, k),
+        )
+    names = {"precise": "precise map", "alternative": "alternative map"}
+    names["spectral"] = "functional map"
+    there = ("map", *(names.get(name, name) for name in parts))
+    return MatchResult(
+        y_from_x=copied(found.get("map"), n),
+        vertices_y=meshes[1].num_vertices,
+        info=_info(json.loads(found.get("report")), clock, there),
+        meshes=meshes,
+        **parts,
+    )
+
+
+def _numbers(fields: dict[str, Any]) -> dict[str, Any]:
+    """null as not a number."""
+    return {name: math.nan if value is None else value for name, value in fields.items()}
+
+
+def _scores(fields: dict[str, Any]) -> Scores:
+    return Scores(**_numbers(fields))
+
+
+def _info(report: dict[str, Any], clock: _Clock, parts: tuple[str, ...]) -> ResultInfo:
+    def of(prefix: str) -> tuple[str, ...]:
+        return tuple(
+            text[len(prefix) :] for text in report["warnings"] if text.startswith(prefix)
+        )
+
+    def summary(side: str) -> MeshSummary:
+        return MeshSummary(**_numbers(report[f"mesh_{side}"]), warnings=of(f"{side.upper()}: "))
+
+    others = (text for text in report["warnings"] if not text.startswith(("X: ", "Y: ")))
+    return ResultInfo(
+        mesh_x=summary("x"),
+        mesh_y=summary("y"),
+        verdict=Verdict(**report["verdict"]),
+        scores=_scores(report["scores"]),
+        quality=Quality(**_numbers(report["quality"])),
+        symmetry_confidence=report["symmetry_confidence"],
+        alternatives=tuple(_scores(entry["scores"]) for entry in report["alternatives"]),
+        landmarks=tuple(LandmarkOutcome(**_numbers(entry)) for entry in report["landmarks"]),
+        unmatched=report["unmatched"],
+        objective=report["objective"],
+        stage_seconds=clock.seconds,
+        run_seconds=time.monotonic() - clock.start,
+        peak_resident_bytes=1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss,
+        warnings=tuple(others),
+        profile=report["profile"],
+        random_seed=report["random_seed"],
+        parts=parts,
+    )

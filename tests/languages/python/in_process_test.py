@@ -1,0 +1,387 @@
+"""isomatch.match in this process: what only there can happen."""
+
+import json
+import os
+import pathlib
+import subprocess
+import sys
+import threading
+import types
+import unittest
+from unittest import mock
+
+import numpy as np
+import support
+
+import isomatch
+from isomatch import _library, _page, _progress
+
+ALONE = """
+import sys
+for name in {missing!r}:
+    sys.modules[name] = None  # as if it were not installed
+import isomatch
+"""
+
+
+def run_python(script, *, missing=(), status=0, **environment):
+    """Returns what a new process prints."""
+    process = subprocess.run(
+        [sys.executable, "-c", ALONE.format(missing=tuple(missing)) + script],
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    if process.returncode != status:
+        raise AssertionError(process.stdout + process.stderr)
+    return process.stdout
+
+
+def resident_bytes():
+    pages = int(pathlib.Path("/proc/self/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE")
+
+
+class WithoutTest(unittest.TestCase):
+    """Where something is not installed."""
+
+    def test_without_numpy_lists_come_and_go(self):
+        x, y = support.pair()
+        found = run_python(
+            f"""
+import json
+vertices, faces = isomatch.read_mesh({str(y)!r})
+result = isomatch.match({str(x)!r}, (vertices, [tuple(face) for face in faces]),
+                        landmarks=[(7, {support.truth()[7]})])
+assert type(vertices) is type(vertices[0]) is list
+assert all(result.matched) and len(result.precise.weights[0]) == 3
+assert len(result.functional_map(4).fmap_x_from_y[3]) == 4
+carried = result.transfer(["vertex %d" % y for y in range(900)])
+assert carried[5] == "vertex %d" % result.y_from_x[5]
+assert "</html>" in result.page()
+print(json.dumps([result.y_from_x, result.confidence, result.info.landmarks[0].kept]))
+""",
+            missing=["numpy"],
+        )
+        mapped, confidence, kept = json.loads(found)
+        result = isomatch.match(x, y, landmarks=[(7, support.truth()[7])])
+        self.assertEqual(mapped, result.y_from_x.tolist())
+        np.testing.assert_array_equal(np.float32(confidence), result.confidence)
+        self.assertTrue(kept)
+
+    def test_without_numpy_what_is_wrong_is_named_as_with_it(self):
+        square = [[0, 0, 0], [1, 0, 0], [1, 1, 0]], [[0, 1, 2]]
+        wrong = {
+            "x.vertices": (7, square[1]),
+            "x.vertices[1]": ([[0, 0, 0], [1, 0], [1, 1, 0]], square[1]),
+            "x.vertices[2]": ([[0, 0, 0], [1, 0, 0], [1, 1, 1e39]], square[1]),
+            "x.faces[0]": (square[0], [[0, 1, 3]]),
+            "x.faces": (square[0], []),
+        }
+        for field, mesh in wrong.items():
+            with self.subTest(field=field):
+                script = f"""
+try:
+    isomatch.match({mesh!r}, {square!r})
+except isomatch.InvalidInput as error:
+    print(error.field)
+"""
+                self.assertEqual(run_python(script, missing=["numpy"]).strip(), field)
+                with self.assertRaises(isomatch.InvalidInput) as caught:
+                    isomatch.match(mesh, square)
+                # numpy sees rows of two lengths as a whole.
+                self.assertTrue(field.startswith(caught.exception.field))
+
+    def test_without_grpc_only_servers_are_missed(self):
+        x, y = support.pair()
+        script = f"""
+print(isomatch.match({str(x)!r}, {str(y)!r}).verdict.level)
+for call in (lambda: isomatch.Client, lambda: isomatch.match({str(x)!r}, {str(y)!r}, server="a:1")):
+    try:
+        call()
+    except isomatch.ServerSupportMissing as error:
+        print(error)
+"""
+        level, *errors = run_python(script, missing=["grpc"]).splitlines()
+        self.assertEqual(level, "good")
+        self.assertEqual(len(errors), 2)
+        for error in errors:
+            self.assertIn("pip install 'isomatch[server]'", error)
+
+    def test_nothing_of_grpc_is_imported_unasked(self):
+        script = "print('grpc' in sys.modules, 'google.protobuf' in sys.modules)"
+        self.assertEqual(run_python(script).split(), ["False", "False"])
+
+    def test_without_the_library_a_server_still_serves_arrays(self):
+        x, y = support.pair()
+        with support.Server("--ephemeral") as server:
+            script = f"""
+import numpy as np
+for call in (lambda: isomatch.match({str(x)!r}, {str(y)!r}), lambda: isomatch.read_mesh({str(x)!r})):
+    try:
+        call()
+    except isomatch.LibraryNotFound as error:
+        print(error)
+meshes = np.load({str(self._arrays(x, y))!r})
+result = isomatch.match((meshes["vx"], meshes["fx"]), (meshes["vy"], meshes["fy"]),
+                        server={server.address!r})
+print(result.verdict.level)
+"""
+            said = run_python(script, ISOMATCH_LIBRARY="/none/libisomatch.so.0").splitlines()
+        self.assertEqual(said[-1], "good")
+        self.assertEqual(len(said), 3)
+        for line in said[:2]:
+            self.assertIn("/none/libisomatch.so.0: ", line)
+            self.assertIn("expected the wheel of Isomatch", line)
+
+    @staticmethod
+    def _arrays(x, y):
+        path = support.folder() / "arrays.npz"
+        (vx, fx), (vy, fy) = isomatch.read_mesh(x), isomatch.read_mesh(y)
+        np.savez(path, vx=vx, fx=fx, vy=vy, fy=fy)
+        return path
+
+
+class InterruptTest(unittest.TestCase):
+    def test_ctrl_c_ends_it_soon_and_the_next_match_is_as_ever(self):
+        x, y = support.slow_pair()
+        script = f"""
+import isomatch, os, signal, threading, time
+def interrupt():
+    time.sleep(0.5)
+    global sent
+    sent = time.monotonic()
+    os.kill(os.getpid(), signal.SIGINT)
+threading.Thread(target=interrupt).start()
+try:
+    isomatch.match({str(x)!r}, {str(y)!r}, profile="paper")
+    print("not interrupted")
+except KeyboardInterrupt:
+    print(time.monotonic() - sent)
+print(isomatch.match({str(x)!r}, {str(y)!r}).verdict.level)
+"""
+        seconds, level = run_python(script).splitlines()
+        self.assertLess(float(seconds), 2)
+        self.assertEqual(level, "good")
+
+    def test_what_the_callers_function_raises_ends_it(self):
+        seen = []
+
+        def stop(status):
+            seen.append(status)
+            self.assertIs(threading.current_thread(), threading.main_thread())
+            raise LookupError("enough")
+
+        before = threading.active_count()
+        with self.assertRaisesRegex(LookupError, "enough"):
+            isomatch.match(*support.slow_pair(), on_progress=stop, **support.SLOW)
+        self.assertEqual(len(seen), 1)
+        self.assertEqual(threading.active_count(), before)
+
+
+class MemoryTest(unittest.TestCase):
+    def test_twenty_matches_leak_nothing(self):
+        x, y = isomatch.read_mesh(support.sample("A", 300)), isomatch.read_mesh(support.sample("B", 300))
+        grown = []
+        for _ in range(25):
+            result = isomatch.match(x, y)
+            result.page()
+            grown.append(resident_bytes())
+        # A result and its page have 1.5 MB.
+        self.assertLess(grown[-1] - grown[4], 4e6, grown)
+
+
+class PreparedTest(unittest.TestCase):
+    def test_prepared_meshes_give_the_maps_of_meshes(self):
+        x, y = support.pair()
+        prepared_x, prepared_y = isomatch.prepare(x), isomatch.prepare(y)
+        expected = isomatch.match(x, y).y_from_x
+        for pair in ((prepared_x, y), (x, prepared_y), (prepared_x, prepared_y)):
+            result = isomatch.match(*pair)
+            np.testing.assert_array_equal(result.y_from_x, expected)
+            self.assertEqual(result.info.mesh_x.vertices, 1000)
+            self.assertIn("</html>", result.page())
+        self.assertEqual(repr(prepared_x), "<isomatch.PreparedMesh A1000.off>")
+
+    def test_several_threads_match_at_once(self):
+        x, y = support.pair()
+        template = isomatch.prepare(x)
+        expected = isomatch.match(x, y).y_from_x
+        found = []
+        threads = [
+            threading.Thread(target=lambda: found.append(isomatch.match(template, y).y_from_x))
+            for _ in range(4)
+        ]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        self.assertEqual(len(found), 4)
+        for mapped in found:
+            np.testing.assert_array_equal(mapped, expected)
+
+    def test_other_options_are_refused(self):
+        prepared = isomatch.prepare(support.pair()[0], solved_vertices=500)
+        with self.assertRaisesRegex(isomatch.InvalidInput, "solved_vertices") as caught:
+            isomatch.match(prepared, support.pair()[1])
+        self.assertEqual(caught.exception.field, "x")
+
+    def test_a_server_takes_them_as_meshes(self):
+        x, y = support.pair()
+        with support.Server("--ephemeral") as server:
+            result = isomatch.match(isomatch.prepare(x), y, server=server.address)
+        self.assertEqual(support.as_map_file(result.y_from_x), support.map_of_command_line(x, y))
+
+
+class ArgumentsTest(unittest.TestCase):
+    def expect_field(self, field, said, *pair, **options):
+        pair = pair or support.pair()
+        with self.assertRaisesRegex(isomatch.InvalidInput, said) as caught:
+            isomatch.match(*pair, **options)
+        self.assertEqual(caught.exception.field, field)
+        self.assertTrue(str(caught.exception).startswith(field))
+
+    def test_what_is_wrong_is_named(self):
+        self.expect_field("profile", "'quick', expected default or paper", profile="quick")
+        self.expect_field("profile", "is 7, expected 'default' or", profile=7)
+        self.expect_field("random_seed", "-1, expected 0 to", random_seed=-1)
+        self.expect_field("threads", "is 'two', expected an integer", threads="two")
+        self.expect_field("solved_vertices", "20", solved_vertices=20)
+        self.expect_field("landmarks[1].y", "900, expected.* 0 to 899", landmarks=[(0, 0), (1, 900)])
+        self.expect_field("landmarks[0]", r"\[3\], expected a vertex of X", landmarks=[[3]])
+        self.expect_field("landmarks", "is 7, expected", landmarks=7)
+        self.expect_field("priority", "is 3, expected 0 without server=", priority=3)
+        uploaded = isomatch.UploadedMesh("00", 1, False, 3)
+        self.expect_field("y", "expected server= beside it", support.pair()[0], uploaded)
+
+    def test_too_little_memory_is_refused_before_it_is_taken(self):
+        self.expect_field("memory_limit_bytes", "expected at least", memory_limit_bytes=2_000_000)
+
+
+class ProgressTest(unittest.TestCase):
+    def setUp(self):
+        self.bars = []
+
+        class Bar:
+            def __init__(bar, **options):
+                self.assertEqual(options["total"], 1.0)
+                bar.n, bar.stages, bar.is_closed = 0.0, [], False
+                self.bars.append(bar)
+
+            def set_description_str(bar, text, refresh):
+                bar.stages.append(text)
+
+            def refresh(bar):
+                bar.refreshed = bar.n
+
+            def close(bar):
+                bar.is_closed = True
+
+        package = types.ModuleType("tqdm")
+        package.__spec__ = mock.Mock()
+        package.auto = types.ModuleType("tqdm.auto")
+        package.auto.tqdm = Bar
+        self.modules = {"tqdm": package, "tqdm.auto": package.auto}
+
+    def test_long_matches_show_a_bar_until_their_end(self):
+        with mock.patch.dict(sys.modules, self.modules), mock.patch.object(
+            _progress, "_DELAY_SECONDS", 0.0
+        ):
+            isomatch.match(*support.pair(), progress=True)
+        [bar] = self.bars
+        self.assertEqual(bar.refreshed, 1)
+        self.assertIn("first insertion", bar.stages)
+        self.assertTrue(bar.is_closed)
+
+    def test_short_ones_show_none(self):
+        with mock.patch.dict(sys.modules, self.modules), mock.patch.object(
+            _progress, "_DELAY_SECONDS", 100.0
+        ):
+            isomatch.match(*support.pair(), progress=True)
+        self.assertEqual(self.bars, [])
+
+    def test_nobody_watches_no_bar(self):
+        with mock.patch.dict(sys.modules, self.modules):
+            with _progress.followed(None, None) as on_status:
+                self.assertIsNone(on_status)
+            with mock.patch.object(_progress, "_is_watched", return_value=True):
+                with _progress.followed(None, None) as on_status:
+                    self.assertIsNotNone(on_status)
+
+    def test_without_tqdm_it_is_said(self):
+        with mock.patch.object(_progress, "_has_tqdm", return_value=False):
+            with self.assertRaisesRegex(isomatch.InvalidInput, "expected tqdm to be installed"):
+                isomatch.match(*support.pair(), progress=True)
+
+
+class ViewTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.result = isomatch.match(*support.pair())
+
+    def test_a_page_is_written_or_opened(self):
+        path = support.folder() / "seen.html"
+        with mock.patch("webbrowser.open", return_value=True) as opened:
+            self.assertEqual(self.result.view(path), path)
+            opened.assert_not_called()
+            shown = self.result.view(title="Cat & cat")
+            opened.assert_called_once_with(shown.as_uri())
+        self.assertIn("A1000.off", path.read_text())
+        self.assertIn("Cat & cat", shown.read_text())
+
+    def test_a_notebook_shows_it_in_place(self):
+        shown = self.result._repr_html_()
+        self.assertTrue(shown.startswith("<iframe srcdoc="))
+        self.assertNotIn("<html", shown)  # all of it is quoted
+        with mock.patch.object(_page, "_MOST_INLINE_BYTES", 1000):
+            self.assertIn("too many for a notebook", self.result._repr_html_())
+
+    def test_meshes_that_are_not_known_are_asked_for(self):
+        x, y = support.pair()
+        with support.Server("--ephemeral") as server, isomatch.Client(server.address) as client:
+            result = client.submit(client.upload(x), client.upload(y)).result()
+            self.assertIsNone(result._repr_html_())
+            with self.assertRaisesRegex(isomatch.InvalidInput, "x: is None, expected the mesh"):
+                result.page()
+            with self.assertRaisesRegex(isomatch.InvalidInput, "has 900 vertices, expected 1000"):
+                result.page(x=y, y=x)
+            self.assertIn("</html>", result.page(x=x, y=y))
+
+    def test_texture_coordinates_are_carried_to_corners(self):
+        x, _ = support.pair()
+        itself = isomatch.match(x, x)
+        self.assertGreater((itself.y_from_x == np.arange(1000)).mean(), 0.99)
+        vertices, faces = isomatch.read_mesh(x)
+        uv = vertices[:, :2][faces]
+        carried = itself.transfer_texture(uv)
+        self.assertLess(np.nanmedian(np.abs(carried - uv)), 1e-3)
+        nothing = itself.transfer_texture(np.full_like(uv, np.nan))
+        self.assertTrue(np.isnan(nothing).all())
+        with self.assertRaisesRegex(isomatch.InvalidInput, r"uv_y: shape is \(3, 2\)"):
+            itself.transfer_texture(uv[0])
+
+    def test_the_report_is_that_of_the_command(self):
+        x, y = support.pair()
+        path = support.folder() / "report.json"
+        support.run_isomatch("match", x, y, "-o", "/dev/null", "--report", path, "--no-progress")
+        of_command = json.loads(path.read_text())
+        of_command.pop("memory_estimate_bytes")
+        report = self.result.report()
+        self.assertEqual(list(report), list(of_command))
+        self.assertEqual(report["seconds"].keys(), of_command["seconds"].keys())
+        for measured in ("seconds", "total_seconds", "peak_resident_bytes"):
+            of_command.pop(measured)
+            self.assertTrue(report.pop(measured))
+        self.assertEqual(report, of_command)
+
+
+class LibraryTest(unittest.TestCase):
+    def test_every_function_of_the_header_that_is_declared_is_there(self):
+        library = _library.load()
+        self.assertRegex(library.isomatch_version().decode(), r"^\d+\.\d+\.\d+$")
+        self.assertEqual(library.isomatch_version().decode(), isomatch.__version__)
+
+
+if __name__ == "__main__":
+    unittest.main()
