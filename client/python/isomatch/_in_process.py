@@ -183,7 +183,7 @@ def match(
     mesh_x, borrowed_x, shape_x = _side(x, "x")
     mesh_y, borrowed_y, shape_y = _side(y, "y")
     pairs = checked_landmarks(landmarks, mesh_x.num_vertices, mesh_y.num_vertices)
-    known = (_library.Landmark * len(pairs))(*pairs)
+    known = (_library.Landmark * len(pairs))(*(_library.Landmark(*xy) for xy in pairs))
     pair = _library.Pair(borrowed_x, shape_x, borrowed_y, shape_y, known, len(pairs))
     found = _library.Owned("result")
 

@@ -19,7 +19,6 @@ from ctypes import (
     c_int32,
     c_int64,
     c_void_p,
-    cast,
 )
 from typing import Any
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import pathlib
+from array import array
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol, Union
@@ -171,13 +173,12 @@ def _of_file(path: str | os.PathLike[str], field: str) -> Mesh:
     except InvalidInput as error:
         raise invalid(field, str(error).partition(": ")[2]) from None
     mesh = file.get("mesh").contents
-    kinds = (_library.POINTER(_library.c_double), _library.POINTER(_library.c_int32))
-    pointers = (mesh.positions, mesh.faces)
-    positions, faces = (_library.cast(p, kind) for p, kind in zip(pointers, kinds))
+    positions = ctypes.cast(mesh.positions, ctypes.POINTER(ctypes.c_double))
+    faces = ctypes.cast(mesh.faces, ctypes.POINTER(ctypes.c_int32))
     name = pathlib.PurePath(os.fspath(path)).name
     if np is None:
         flat = copied(positions, 3 * mesh.num_vertices), copied(faces, 3 * mesh.num_faces)
-        return Mesh(_plain.array("d", flat[0]), _plain.array("i", flat[1]), name)
+        return Mesh(array("d", flat[0]), array("i", flat[1]), name)  # type: ignore[arg-type]
     return Mesh(
         copied(positions, mesh.num_vertices, 3),
         copied(faces, mesh.num_faces, 3).view(np.uint32),

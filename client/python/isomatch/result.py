@@ -191,19 +191,8 @@ class MatchResult:
         return _page.frame(self.page())
 
     def _both_meshes(self, x: MeshLike | None, y: MeshLike | None) -> tuple[Mesh, Mesh]:
-        found = []
-        for given, known, field in ((x, self.meshes[0], "x"), (y, self.meshes[1], "y")):
-            if given is None and known is None:
-                raise invalid(field, "is None, expected the mesh, which is not known here")
-            found.append(known if given is None else as_mesh(given, field))
-        self._check_vertices(found[0], len(self.y_from_x), "x")
-        self._check_vertices(found[1], self.vertices_y, "y")
-        return found[0], found[1]
-
-    @staticmethod
-    def _check_vertices(mesh: Mesh, expected: int, field: str) -> None:
-        if mesh.num_vertices != expected:
-            raise invalid(field, f"has {mesh.num_vertices} vertices, expected {expected}")
+        mesh_x = _known("x", x, self.meshes[0], len(self.y_from_x))
+        return mesh_x, _known("y", y, self.meshes[1], self.vertices_y)
 
     def report(self) -> dict[str, Any]:
         """What `isomatch match --report` writes, but the memory that a server reserved."""
@@ -234,6 +223,16 @@ class MatchResult:
             ],
         }
         return _without_nan(found)
+
+
+def _known(field: str, given: MeshLike | None, known: Mesh | None, vertices: int) -> Mesh:
+    """The mesh that is given, else the one that is known; with so many vertices."""
+    mesh = known if given is None else as_mesh(given, field)
+    if mesh is None:
+        raise invalid(field, "is None, expected the mesh, which is not known here")
+    if mesh.num_vertices != vertices:
+        raise invalid(field, f"has {mesh.num_vertices} vertices, expected {vertices}")
+    return mesh
 
 
 def _summary(mesh: Any) -> dict[str, Any]:
