@@ -54,6 +54,28 @@ class CTest(unittest.TestCase):
         self.match_with(program)
         run(program, self.folder / "none.off", self.folder / "B.off", status=1, env=self.loaded)
 
+    def test_cpp_takes_the_same_header(self):
+        program = self.folder / "template_to_many"
+        run("c++", "-std=c++17", "-Wall", "-Wextra", "-Wpedantic", "-Werror",
+            f"-I{self.prefix / 'include'}", EXAMPLES / "template_to_many.cc",
+            f"-L{self.library.parent}", "-lisomatch", "-o", program)  # fmt: skip
+        a, b = self.folder / "A.off", self.folder / "B.off"
+        said = run(program, a, b, a, env=self.loaded).splitlines()
+        first = self.folder / "map.txt"
+        run(COMMAND_LINE, "match", a, b, "-o", first, "--no-progress")
+        self.assertEqual(said[0], f"{b}: good, first vertex goes to {first.read_text().split()[0]}")
+        self.assertEqual(said[1], f"{a}: good, first vertex goes to 0")
+        run(program, a, self.folder / "none.off", status=1, env=self.loaded)
+
+    def test_lua_calls_it_by_its_header(self):
+        program = self.folder / "match-lua"
+        script = EXAMPLES / "match.lua"
+        program.write_text(f'#!/bin/sh\nexec luajit {script} "$@"\n')
+        program.chmod(0o755)
+        self.loaded["ISOMATCH_HEADER"] = str(self.prefix / "include/isomatch.h")
+        self.match_with(program)
+        run(program, self.folder / "none.off", self.folder / "B.off", status=1, env=self.loaded)
+
     def test_find_package_gives_the_core_alone(self):
         project = self.folder / "project"
         project.mkdir()
