@@ -1,15 +1,17 @@
 #include "client/batch/batch_list.h"
 
 #include <algorithm>
-#include <array>
 #include <filesystem>
 #include <optional>
 #include <set>
 #include <system_error>
 
+#include "absl/algorithm/container.h"
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
+#include "client/files/input_file.h"
+#include "client/files/mesh_file.h"
 #include "client/files/text_file.h"
 #include "core/base/status_macros.h"
 
@@ -18,13 +20,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::array kExtensions = {".off", ".ply", ".obj", ".stl"};
-
 bool IsMesh(const fs::path& path) {
-  const std::string extension =
-      absl::AsciiStrToLower(path.extension().string());
-  return std::find(kExtensions.begin(), kExtensions.end(), extension) !=
-         kExtensions.end();
+  const std::vector<std::string> known = MeshExtensions();
+  return absl::c_linear_search(known, LowerExtension(WithoutGz(path.string())));
 }
 
 bool IsFile(const fs::path& path) {
@@ -35,16 +33,18 @@ bool IsFile(const fs::path& path) {
 // `path`, or with the first extension that makes it a file; empty for none.
 std::string FindMesh(const fs::path& path) {
   if (IsFile(path)) return path.string();
-  for (const char* extension : kExtensions) {
-    std::string candidate = path.string() + extension;
-    if (IsFile(candidate)) return candidate;
+  for (const std::string& extension : MeshExtensions()) {
+    for (const char* const packed : {"", ".gz"}) {
+      std::string candidate = absl::StrCat(path.string(), extension, packed);
+      if (IsFile(candidate)) return candidate;
+    }
   }
   return "";
 }
 
 std::string PairName(const std::string& x, const std::string& y) {
-  return absl::StrCat(fs::path(x).stem().string(), "__",
-                      fs::path(y).stem().string());
+  return absl::StrCat(fs::path(WithoutGz(x)).stem().string(), "__",
+                      fs::path(WithoutGz(y)).stem().string());
 }
 
 // The paths of a line; nothing when a quote has no partner.
@@ -103,8 +103,7 @@ absl::StatusOr<BatchPair> ParseLine(const std::string& list, int number,
     if (!found->empty()) continue;
     return LineError(list, number,
                      absl::StrCat("there is no '", (folder / *word).string(),
-                                  "', expected a mesh: .off, .ply, .obj or "
-                                  ".stl"));
+                                  "', expected a mesh: ", kMeshFiles));
   }
   if (words.size() == 3) pair.landmarks = (folder / words[2]).string();
   pair.name = PairName(pair.x, pair.y);
@@ -128,7 +127,7 @@ absl::StatusOr<std::vector<std::string>> Expand(const std::string& target) {
   std::sort(files.begin(), files.end());
   if (!files.empty()) return files;
   return absl::InvalidArgumentError(absl::StrCat(
-      "'", target, "': expected a folder with .off, .ply, .obj or .stl files"));
+      "'", target, "': expected a folder with files ", kMeshFiles));
 }
 
 absl::Status SameName(const std::string& name) {

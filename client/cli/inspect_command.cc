@@ -142,7 +142,7 @@ Command AddInspectCommand(CLI::App& app) {
   const auto arguments = std::make_shared<InspectArguments>();
   command
       ->add_option("MESH", arguments->meshes,
-                   "Meshes: .off, .obj, .ply or .stl")
+                   absl::StrCat("Meshes: ", kMeshFiles))
       ->required()
       ->type_name(kFile);
   AddWeldOption(command, &arguments->weld);

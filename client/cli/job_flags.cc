@@ -9,6 +9,7 @@
 #include "absl/strings/str_split.h"
 #include "client/cli/command_support.h"
 #include "client/cli/option_support.h"
+#include "client/files/mesh_file.h"
 #include "core/base/status_macros.h"
 
 namespace isomatch {
@@ -35,9 +36,10 @@ constexpr std::uint64_t kMostThreads = 1024;
 
 void AddPairOptions(CLI::App* command, std::string* x, std::string* y,
                     std::string* landmarks) {
-  constexpr char kMesh[] = "Mesh: .off, .obj, .ply or .stl";
-  command->add_option("X", *x, kMesh)->required()->type_name(kFile);
-  command->add_option("Y", *y, kMesh)->required()->type_name(kFile);
+  const std::string mesh =
+      absl::StrCat("Mesh: ", kMeshFiles, ", .gz too; - is standard input");
+  command->add_option("X", *x, mesh)->required()->type_name(kFile);
+  command->add_option("Y", *y, mesh)->required()->type_name(kFile);
   command
       ->add_option("--landmarks", *landmarks,
                    "File of known matches, lines `x y`")

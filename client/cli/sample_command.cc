@@ -3,6 +3,7 @@
 #include <limits>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <CLI/CLI.hpp>
@@ -16,6 +17,7 @@
 #include "client/cli/command_support.h"
 #include "client/cli/commands.h"
 #include "client/cli/option_support.h"
+#include "client/files/glb_file.h"
 #include "client/files/map_file.h"
 #include "client/files/mesh_file.h"
 #include "client/files/obj_file.h"
@@ -50,7 +52,7 @@ Examples:
 
 truth.txt has for each vertex of a.off its true vertex of b.off. --texture makes
 a pattern, warm on the left side and cold on the right: in b.obj, b.mtl and
-b.png, or as colors of the vertices of b.ply.
+b.png, in b.glb alone, or as colors of the vertices of b.ply.
 --truth-from is POSE:VERTICES, or POSE:VERTICES:MESH_SEED when that is not 1.)";
 
 struct SampleArguments {
@@ -100,10 +102,10 @@ absl::StatusOr<SampleOptions> ParseOptions(const SampleArguments& arguments) {
 
 absl::Status CheckTextureOutput(const std::string& path) {
   const std::string extension = LowerExtension(path);
-  if (extension != ".obj" && extension != ".ply") {
+  if (extension != ".obj" && extension != ".ply" && extension != ".glb") {
     return absl::InvalidArgumentError(
         absl::StrCat("'", path, "': the extension is '", extension,
-                     "', expected .obj or .ply with --texture"));
+                     "', expected .obj, .glb or .ply with --texture"));
   }
   return CheckOutputFile(path);
 }
@@ -140,6 +142,15 @@ absl::Status WriteTexturedObj(const std::string& path, const Sample& sample,
                              FormatObj(path, sample.mesh, {&texture, nullptr}));
 }
 
+absl::Status WriteTexturedGlb(const std::string& path, const Sample& sample,
+                              SamplePattern pattern) {
+  const MeshTexture texture = SampleTexture(sample, /*library=*/"");
+  ISOMATCH_ASSIGN_OR_RETURN(std::string picture,
+                            EncodePng(SamplePicture(pattern)));
+  return WriteFileAtomically(
+      path, FormatGlb(sample.mesh, {&texture, nullptr, {std::move(picture)}}));
+}
+
 absl::Status WriteSample(const SampleArguments& arguments,
                          const Sample& sample) {
   const std::string& path = arguments.output;
@@ -149,6 +160,9 @@ absl::Status WriteSample(const SampleArguments& arguments,
                                     : SamplePattern::kChecker;
   if (LowerExtension(path) == ".obj") {
     return WriteTexturedObj(path, sample, pattern);
+  }
+  if (LowerExtension(path) == ".glb") {
+    return WriteTexturedGlb(path, sample, pattern);
   }
   const Colors colors = SampleColors(sample, pattern);
   return WriteFileAtomically(path,
@@ -213,7 +227,7 @@ Command AddSampleCommand(CLI::App& app) {
       ->capture_default_str();
   command
       ->add_option("-o,--output", arguments->output,
-                   "Mesh to write, .off or .ply; .obj with --texture")
+                   "Mesh to write, .off, .ply or .glb; .obj with --texture")
       ->type_name(kFile)
       ->required();
   SetChoices(command->add_option("--texture", arguments->texture,

@@ -139,7 +139,8 @@ Command AddUploadCommand(CLI::App& app) {
       app.add_subcommand("upload", "Sends meshes ahead of their jobs.");
   const auto arguments = std::make_shared<UploadArguments>();
   command
-      ->add_option("MESH", arguments->meshes, "Mesh: .off, .obj, .ply or .stl")
+      ->add_option("MESH", arguments->meshes,
+                   absl::StrCat("Mesh: ", kMeshFiles))
       ->required()
       ->type_name(kFile);
   AddWeldOption(command, &arguments->weld);

@@ -16,7 +16,9 @@
 #include "client/cli/command_support.h"
 #include "client/cli/commands.h"
 #include "client/cli/option_support.h"
+#include "client/files/glb_file.h"
 #include "client/files/map_file.h"
+#include "client/files/material_pictures.h"
 #include "client/files/mesh_file.h"
 #include "client/files/mesh_input.h"
 #include "client/files/named_vertices.h"
@@ -44,7 +46,9 @@ Without --labels and --landmarks, OUT is X in the looks of Y's file:
   OUT.obj  texture coordinates (vt of an OBJ file, with its materials) and
            vertex colors, whichever Y has. All corners of a face lie on one
            side of Y's seams; the .mtl file is named, not copied.
-  OUT.ply  vertex colors of Y (.ply, .obj, .off)
+  OUT.glb  the same with the materials' pictures (map_Kd of .mtl, or those of
+           Y's glTF file), PNG or JPEG, in one file; the first vertices are X's
+  OUT.ply  vertex colors of Y (.ply, .obj, .off, .glb, .gltf)
 With --labels, OUT (.txt or .npy) has for each vertex of X the label of the
 nearest vertex of Y; labels are never averaged. With --landmarks, whose lines
 are `VERTEX [NAME]` of Y, OUT has such lines of X: the vertex whose place on Y
@@ -54,6 +58,7 @@ their middle, then the first.
 Examples:
   isomatch match scan.off template.obj -o map.txt --precise places.txt
   isomatch transfer scan.off template.obj places.txt -o textured.obj
+  isomatch transfer scan.off template.obj places.txt -o textured.glb
   isomatch transfer scan.off template.obj map.txt -o colored.ply
   isomatch transfer scan.off template.obj map.txt --labels parts.txt \
                     -o scan_parts.txt
@@ -108,7 +113,7 @@ absl::Status CheckArguments(const TransferArguments& arguments) {
   const std::vector<const char*> expected =
       !arguments.labels.empty()      ? std::vector{".txt", ".npy"}
       : !arguments.landmarks.empty() ? std::vector{".txt"}
-                                     : std::vector{".obj", ".ply"};
+                                     : std::vector{".obj", ".glb", ".ply"};
   const std::string extension = LowerExtension(arguments.output);
   if (std::find(expected.begin(), expected.end(), extension) ==
       expected.end()) {
@@ -181,12 +186,34 @@ absl::Status NothingToCarry(const TransferArguments& arguments,
   if (has_texture) {
     return absl::InvalidArgumentError(absl::StrCat(
         "--output '", arguments.output, "': Y has texture coordinates only, '",
-        arguments.y, "' no vertex colors; expected an .obj file"));
+        arguments.y, "' no vertex colors; expected an .obj or .glb file"));
   }
   return absl::InvalidArgumentError(absl::StrCat(
       "Y: '", arguments.y,
-      "' has neither texture coordinates (.obj with vt) nor vertex colors "
-      "(.ply, .obj, .off), expected some, or --labels or --landmarks"));
+      "' has neither texture coordinates (.obj with vt, .glb) nor vertex "
+      "colors (.ply, .obj, .off, .glb), expected some, or --labels or "
+      "--landmarks"));
+}
+
+// The bytes of OUT.
+std::string FormatLooks(const std::string& path, const TriangleMesh& mesh_x,
+                        const MeshTexture* texture, const Colors* colors,
+                        Outcome* outcome) {
+  const std::string extension = LowerExtension(path);
+  if (extension == ".ply") return FormatPly(mesh_x, ColorColumns(*colors));
+  if (extension == ".glb") {
+    std::vector<std::string> pictures;
+    if (texture != nullptr) {
+      pictures = MaterialPictures(*texture, &outcome->warnings);
+    }
+    return FormatGlb(mesh_x, {texture, colors, std::move(pictures)});
+  }
+  if (texture != nullptr && !texture->images.empty()) {
+    outcome->warnings.push_back(
+        "the pictures of Y's glTF file are left out, expected a .glb file for "
+        "them");
+  }
+  return FormatObj(path, mesh_x, {texture, colors});
 }
 
 absl::StatusOr<Outcome> CarryLooks(const TransferArguments& arguments,
@@ -196,32 +223,30 @@ absl::StatusOr<Outcome> CarryLooks(const TransferArguments& arguments,
   ISOMATCH_RETURN_IF_ERROR(inputs.texture_y.status());
   const std::optional<Colors>& colors_y = *inputs.colors_y;
   const std::optional<MeshTexture>& texture_y = *inputs.texture_y;
-  const bool is_obj = LowerExtension(arguments.output) == ".obj";
-  if (!colors_y && !(texture_y && is_obj)) {
+  const bool is_ply = LowerExtension(arguments.output) == ".ply";
+  if (!colors_y && (!texture_y || is_ply)) {
     return NothingToCarry(arguments, texture_y.has_value());
   }
   Outcome outcome;
   std::optional<CarriedTexture> texture;
-  if (texture_y && is_obj) {
+  if (texture_y && !is_ply) {
     ISOMATCH_ASSIGN_OR_RETURN(
         texture, CarryTexture(inputs.mesh_x, inputs.mesh_y, *texture_y,
                               inputs.places.points, terminal.stop));
     CountTexture(*texture, &outcome);
   } else if (texture_y) {
     outcome.warnings.push_back(
-        "texture coordinates of Y are left out, expected an .obj file for "
-        "them");
+        "texture coordinates of Y are left out, expected an .obj or .glb file "
+        "for them");
   }
   std::optional<Colors> colors;
   if (colors_y) {
     colors = CarryColors(*colors_y, inputs.places.points);
     CountVertices(inputs, "vertex colors", "they are gray", &outcome);
   }
-  const Colors* carried = colors ? &*colors : nullptr;
-  outcome.bytes =
-      is_obj ? FormatObj(arguments.output, inputs.mesh_x,
-                         {texture ? &texture->texture : nullptr, carried})
-             : FormatPly(inputs.mesh_x, ColorColumns(*carried));
+  outcome.bytes = FormatLooks(arguments.output, inputs.mesh_x,
+                              texture ? &texture->texture : nullptr,
+                              colors ? &*colors : nullptr, &outcome);
   outcome.json["colors"] = colors.has_value();
   return outcome;
 }
@@ -333,8 +358,9 @@ Command AddTransferCommand(CLI::App& app) {
                    "Map from X to Y (.txt, .npy, .json), or --precise file")
       ->required();
   command
-      ->add_option("-o,--output", arguments->output,
-                   "OUT: .obj or .ply; labels .txt or .npy; landmarks .txt")
+      ->add_option(
+          "-o,--output", arguments->output,
+          "OUT: .obj, .glb or .ply; labels .txt or .npy; landmarks .txt")
       ->required();
   CLI::Option* const labels = command->add_option(
       "--labels", arguments->labels,

@@ -7,7 +7,11 @@
 
 #include <nlohmann/json.hpp>
 
+#include "absl/strings/ascii.h"
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "client/files/input_file.h"
+#include "client/files/map_parser.h"
 #include "client/files/npy_file.h"
 #include "client/files/text_file.h"
 #include "core/base/status_macros.h"
@@ -19,10 +23,12 @@ using Json = nlohmann::ordered_json;
 
 constexpr char kJsonFormat[] = "isomatch-map";
 constexpr int kJsonVersion = 1;
+constexpr char kMapLines[] = "a map: one vertex index of Y a line";
+constexpr absl::string_view kNpyMagic = "\x93NUMPY";
 
-absl::StatusOr<std::vector<NumberLine>> ReadNumberLines(
-    const std::string& path, const std::string& what) {
-  ISOMATCH_ASSIGN_OR_RETURN(const std::string text, ReadFile(path, what));
+absl::StatusOr<std::vector<NumberLine>> NumberLines(const std::string& path,
+                                                    absl::string_view text,
+                                                    const std::string& what) {
   ISOMATCH_ASSIGN_OR_RETURN(std::vector<NumberLine> lines,
                             ParseNumberLines(path, text));
   if (lines.empty()) {
@@ -131,10 +137,11 @@ struct Entries {
 };
 
 absl::StatusOr<Entries> EntriesFromText(const std::string& path,
+                                        absl::string_view text,
                                         const std::string& name,
                                         const std::string& what) {
   ISOMATCH_ASSIGN_OR_RETURN(const std::vector<NumberLine> lines,
-                            ReadNumberLines(path, what));
+                            NumberLines(path, text, what));
   Entries entries;
   for (const NumberLine& line : lines) {
     ISOMATCH_RETURN_IF_ERROR(CheckColumns(path, line, 1, name));
@@ -145,8 +152,7 @@ absl::StatusOr<Entries> EntriesFromText(const std::string& path,
 }
 
 absl::StatusOr<Entries> EntriesFromNpy(const std::string& path,
-                                       const std::string& what) {
-  ISOMATCH_ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, what));
+                                       absl::string_view bytes) {
   Entries entries;
   ISOMATCH_ASSIGN_OR_RETURN(entries.values, ParseNpy(path, bytes));
   return entries;
@@ -156,7 +162,7 @@ absl::Status JsonError(const std::string& path, const std::string& what) {
   return absl::InvalidArgumentError(absl::StrCat("'", path, "': ", what));
 }
 
-absl::Status ParseJson(const std::string& path, const std::string& text,
+absl::Status ParseJson(const std::string& path, absl::string_view text,
                        Json* json) {
   // A map's is 1; what is deeper is left out, since a library that walks it
   // would use up the stack.
@@ -198,9 +204,8 @@ absl::Status CheckJsonNumber(const std::string& path, const Json& json,
 }
 
 absl::StatusOr<Entries> EntriesFromJson(const std::string& path,
-                                        std::int64_t vertices_y,
-                                        const std::string& what) {
-  ISOMATCH_ASSIGN_OR_RETURN(const std::string text, ReadFile(path, what));
+                                        absl::string_view text,
+                                        std::int64_t vertices_y) {
   Json json;
   ISOMATCH_RETURN_IF_ERROR(ParseJson(path, text, &json));
   const auto format = json.find("format");
@@ -234,16 +239,23 @@ absl::StatusOr<Entries> EntriesFromJson(const std::string& path,
   return entries;
 }
 
+MapFormat FormatOfExtension(absl::string_view extension) {
+  if (extension == ".npy") return MapFormat::kNpy;
+  if (extension == ".json") return MapFormat::kJson;
+  if (extension == ".ply") return MapFormat::kPly;
+  return MapFormat::kText;
+}
+
 absl::StatusOr<Entries> MapEntries(const std::string& path,
+                                   const InputFile& file,
                                    std::int64_t vertices_y) {
-  constexpr char kWhat[] = "a map: one vertex index of Y a line";
-  switch (MapFormatOf(path)) {
+  switch (MapFormatOf(path, file)) {
     case MapFormat::kText:
-      return EntriesFromText(path, "y", kWhat);
+      return EntriesFromText(path, file.bytes, "y", kMapLines);
     case MapFormat::kNpy:
-      return EntriesFromNpy(path, "a map: a NumPy array of integers");
+      return EntriesFromNpy(path, file.bytes);
     case MapFormat::kJson:
-      return EntriesFromJson(path, vertices_y, "a map as JSON");
+      return EntriesFromJson(path, file.bytes, vertices_y);
     case MapFormat::kPly:
       break;
   }
@@ -266,11 +278,15 @@ absl::Status CheckCount(const std::string& path, const Entries& entries,
 }  // namespace
 
 MapFormat MapFormatOf(const std::string& path) {
-  const std::string extension = LowerExtension(path);
-  if (extension == ".npy") return MapFormat::kNpy;
-  if (extension == ".json") return MapFormat::kJson;
-  if (extension == ".ply") return MapFormat::kPly;
-  return MapFormat::kText;
+  return FormatOfExtension(LowerExtension(path));
+}
+
+MapFormat MapFormatOf(const std::string& path, const InputFile& file) {
+  if (path != kStandardInput) return FormatOfExtension(file.extension);
+  if (absl::StartsWith(file.bytes, kNpyMagic)) return MapFormat::kNpy;
+  return absl::StartsWith(absl::StripLeadingAsciiWhitespace(file.bytes), "{")
+             ? MapFormat::kJson
+             : MapFormat::kText;
 }
 
 std::string FormatMap(absl::Span<const VertexIndex> y_from_x) {
@@ -296,8 +312,16 @@ std::string FormatMap(absl::Span<const VertexIndex> y_from_x,
 absl::StatusOr<VertexMap> ReadMap(const std::string& path,
                                   std::int64_t vertices_y,
                                   std::optional<std::int64_t> vertices_x) {
+  ISOMATCH_ASSIGN_OR_RETURN(const InputFile file, ReadInput(path, kMapLines));
+  return ParseMap(path, file, vertices_y, vertices_x);
+}
+
+absl::StatusOr<VertexMap> ParseMap(const std::string& path,
+                                   const InputFile& file,
+                                   std::int64_t vertices_y,
+                                   std::optional<std::int64_t> vertices_x) {
   ISOMATCH_ASSIGN_OR_RETURN(const Entries entries,
-                            MapEntries(path, vertices_y));
+                            MapEntries(path, file, vertices_y));
   if (vertices_x) {
     ISOMATCH_RETURN_IF_ERROR(CheckCount(path, entries, *vertices_x, "X"));
   }
@@ -317,10 +341,12 @@ absl::StatusOr<VertexMap> ReadMap(const std::string& path,
 
 absl::StatusOr<std::vector<std::int64_t>> ReadLabels(const std::string& path,
                                                      std::int64_t vertices) {
+  constexpr char kLabels[] = "labels: one whole number a line";
+  ISOMATCH_ASSIGN_OR_RETURN(const InputFile file, ReadInput(path, kLabels));
   absl::StatusOr<Entries> entries =
-      MapFormatOf(path) == MapFormat::kNpy
-          ? EntriesFromNpy(path, "labels: a NumPy array of integers")
-          : EntriesFromText(path, "label", "labels: one whole number a line");
+      MapFormatOf(path, file) == MapFormat::kNpy
+          ? EntriesFromNpy(path, file.bytes)
+          : EntriesFromText(path, file.bytes, "label", kLabels);
   if (!entries.ok()) return entries.status();
   ISOMATCH_RETURN_IF_ERROR(CheckCount(path, *entries, vertices, "Y"));
   return std::move(entries->values);
@@ -336,8 +362,10 @@ std::string FormatLabels(const std::string& path,
 
 absl::StatusOr<std::vector<VertexMatch>> ReadLandmarks(
     const std::string& path, std::int64_t vertices_x, std::int64_t vertices_y) {
+  constexpr char kLandmarks[] = "landmarks: lines `x y`";
+  ISOMATCH_ASSIGN_OR_RETURN(const InputFile file, ReadInput(path, kLandmarks));
   ISOMATCH_ASSIGN_OR_RETURN(const std::vector<NumberLine> lines,
-                            ReadNumberLines(path, "landmarks: lines `x y`"));
+                            NumberLines(path, file.bytes, kLandmarks));
   std::vector<VertexMatch> landmarks;
   Partners of_x = {"X", {}};
   Partners of_y = {"Y", {}};
@@ -357,16 +385,17 @@ absl::StatusOr<std::vector<VertexMatch>> ReadLandmarks(
 absl::StatusOr<GroundTruth> ReadGroundTruth(const std::string& path,
                                             std::int64_t vertices_x,
                                             std::int64_t vertices_y) {
-  if (MapFormatOf(path) != MapFormat::kText) {
+  constexpr char kTruth[] =
+      "a ground truth: lines `x y`, `x y y_mirrored` or one bare y for each "
+      "vertex of X";
+  ISOMATCH_ASSIGN_OR_RETURN(const InputFile file, ReadInput(path, kTruth));
+  if (MapFormatOf(path, file) != MapFormat::kText) {
     ISOMATCH_ASSIGN_OR_RETURN(VertexMap map,
-                              ReadMap(path, vertices_y, vertices_x));
+                              ParseMap(path, file, vertices_y, vertices_x));
     return GroundTruth{std::move(map), {}};
   }
-  ISOMATCH_ASSIGN_OR_RETURN(
-      const std::vector<NumberLine> lines,
-      ReadNumberLines(path,
-                      "a ground truth: lines `x y`, `x y y_mirrored` or "
-                      "one bare y for each vertex of X"));
+  ISOMATCH_ASSIGN_OR_RETURN(const std::vector<NumberLine> lines,
+                            NumberLines(path, file.bytes, kTruth));
   switch (lines.front().numbers.size()) {
     case 1:
       return TruthFromColumn(path, lines, vertices_x, vertices_y);

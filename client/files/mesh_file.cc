@@ -9,9 +9,14 @@
 
 #include "absl/algorithm/container.h"
 #include "absl/functional/function_ref.h"
+#include "absl/strings/ascii.h"
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/string_view.h"
 #include "absl/types/span.h"
+#include "client/files/glb_file.h"
+#include "client/files/gltf_reader.h"
+#include "client/files/input_file.h"
 #include "client/files/obj_reader.h"
 #include "client/files/off_reader.h"
 #include "client/files/ply_file.h"
@@ -19,33 +24,74 @@
 #include "client/files/polygon_soup.h"
 #include "client/files/stl_reader.h"
 #include "client/files/text_file.h"
+#include "client/files/vtk_reader.h"
+#include "client/files/vtp_reader.h"
 #include "core/base/status_macros.h"
 #include "core/io/draco_mesh.h"
 
 namespace isomatch {
 namespace {
 
-constexpr char kExpected[] = "a mesh in an .off, .obj, .ply or .stl file";
+// Of standard input, to tell what it is.
+constexpr std::size_t kMostLooked = std::size_t{1} << 16;
+
+std::string Expected() {
+  return absl::StrCat("a mesh: ", kMeshFiles, ", with .gz or without");
+}
+
+using Reader = std::optional<MeshFault> (*)(absl::string_view bytes,
+                                            const std::string& folder,
+                                            PolygonSoup* soup);
 
 struct Format {
   absl::string_view extension;
   /// What it has, for the message when a file is refused.
   const char* grammar;
-  std::optional<MeshFault> (*read)(absl::string_view bytes, PolygonSoup* soup);
+  Reader read;
 };
+
+// A reader of a file that names no others.
+template <std::optional<MeshFault> (*Read)(absl::string_view, PolygonSoup*)>
+std::optional<MeshFault> Alone(absl::string_view bytes, const std::string&,
+                               PolygonSoup* soup) {
+  return Read(bytes, soup);
+}
 
 constexpr auto kFormats = std::to_array<Format>(
     {{".off",
       "OFF, the counts, one vertex `x y z` a line, then one face `3 a b c` a "
       "line, 0-based and below the number of vertices",
-      ReadOffSoup},
-     {".obj",
-      "lines `v x y z` and `f a b c`, 1-based and up to the number of vertices",
-      ReadObjSoup},
+      Alone<ReadOffSoup>},
      {".ply",
       "element vertex with x, y, z and element face with list vertex_indices",
-      ReadPlySoup},
-     {".stl", "triangles as ascii or binary STL has them", ReadStlSoup}});
+      Alone<ReadPlySoup>},
+     {".obj",
+      "lines `v x y z` and `f a b c`, 1-based and up to the number of vertices",
+      Alone<ReadObjSoup>},
+     {".stl", "triangles as ascii or binary STL has them", Alone<ReadStlSoup>},
+     {".glb", "a scene of glTF 2.0 with triangles", ReadGltfSoup},
+     {".gltf", "a scene of glTF 2.0 with triangles", ReadGltfSoup},
+     {".vtk", "POINTS and POLYGONS of a legacy VTK file", Alone<ReadVtkSoup>},
+     {".vtp", "Points and Polys of PolyData", Alone<ReadVtpSoup>}});
+
+// The extension that a mesh would have, by its first bytes: for standard input.
+absl::string_view ExtensionOfContent(absl::string_view bytes) {
+  const absl::string_view text = absl::StripLeadingAsciiWhitespace(bytes);
+  if (absl::StartsWith(bytes, "glTF")) return ".glb";
+  if (absl::StartsWith(text, "# vtk DataFile")) return ".vtk";
+  if (absl::StartsWith(text, "<")) return ".vtp";
+  if (absl::StartsWith(text, "{")) return ".gltf";
+  if (absl::StartsWith(text, "ply")) return ".ply";
+  LineCursor lines = {text.substr(0, kMostLooked)};
+  if (lines.Next()) {
+    const absl::string_view word = SplitWords(lines.line).front();
+    if (absl::EndsWith(word, "OFF")) return ".off";
+    if (word != "solid" && absl::c_all_of(lines.line, absl::ascii_isprint)) {
+      return ".obj";
+    }
+  }
+  return ".stl";
+}
 
 absl::Status WithSubject(const std::string& subject,
                          const absl::Status& status) {
@@ -76,26 +122,40 @@ absl::Status CheckSoup(const PolygonSoup& soup, const char* grammar) {
                    " corners of faces, expected fewer than 2^31 of each"));
 }
 
+const Format* FindFormat(absl::string_view extension) {
+  const auto format = absl::c_find_if(kFormats, [&](const Format& known) {
+    return known.extension == extension;
+  });
+  return format == kFormats.end() ? nullptr : &*format;
+}
+
+// The folder whose files those of `path` may name; "" for none.
+std::string FolderOf(const std::string& path) {
+  if (path == kStandardInput) return "";
+  const std::string folder = std::filesystem::path(path).parent_path().string();
+  return folder.empty() ? "." : folder;
+}
+
 // Reads what a file has, each number checked.
 absl::StatusOr<PolygonSoup> ReadSoup(const std::string& path,
                                      const std::string& field) {
   const std::string subject = absl::StrCat(field, ": '", path, "'");
-  if (const absl::Status status = CheckInputFile(path, kExpected);
-      !status.ok()) {
+  if (const absl::Status status = CheckInput(path, Expected()); !status.ok()) {
     return WithSubject(field, status);
   }
-  const std::string extension = LowerExtension(path);
-  const auto format = absl::c_find_if(kFormats, [&](const Format& known) {
-    return known.extension == extension;
-  });
-  if (format == kFormats.end()) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        subject, ": the extension is '", extension, "', expected ", kExpected));
+  const bool is_file = path != kStandardInput;
+  const std::string extension = LowerExtension(WithoutGz(path));
+  if (is_file && FindFormat(extension) == nullptr) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(subject, ": the extension is '", extension, "', expected ",
+                     Expected()));
   }
-  const absl::StatusOr<std::string> bytes = ReadFile(path, kExpected);
-  if (!bytes.ok()) return WithSubject(field, bytes.status());
+  const absl::StatusOr<InputFile> file = ReadInput(path, Expected());
+  if (!file.ok()) return WithSubject(field, file.status());
+  const Format* const format =
+      FindFormat(is_file ? file->extension : ExtensionOfContent(file->bytes));
   PolygonSoup soup;
-  if (const auto fault = format->read(*bytes, &soup)) {
+  if (const auto fault = format->read(file->bytes, FolderOf(path), &soup)) {
     return FaultError(subject, *fault);
   }
   const absl::Status status = CheckSoup(soup, format->grammar);
@@ -199,6 +259,10 @@ absl::StatusOr<std::optional<MeshTexture>> ToTexture(const std::string& path,
     texture.libraries.push_back(
         (std::filesystem::path(path).parent_path() / library).string());
   }
+  for (SoupImage& image : found.images) {
+    texture.images.push_back({std::move(image.path), std::move(image.bytes)});
+  }
+  texture.image_of_material = std::move(found.image_of_material);
   return texture;
 }
 
@@ -247,12 +311,20 @@ absl::StatusOr<LoadedMesh> ReadMesh(const std::string& path,
   return loaded;
 }
 
+std::vector<std::string> MeshExtensions() {
+  std::vector<std::string> extensions;
+  for (const Format& format : kFormats) {
+    extensions.emplace_back(format.extension);
+  }
+  return extensions;
+}
+
 absl::Status CheckMeshOutput(const std::string& path) {
   const std::string extension = LowerExtension(path);
-  if (extension != ".off" && extension != ".ply") {
+  if (extension != ".off" && extension != ".ply" && extension != ".glb") {
     return absl::InvalidArgumentError(
         absl::StrCat("'", path, "': the extension is '", extension,
-                     "', expected .off or .ply to write a mesh"));
+                     "', expected .off, .ply or .glb to write a mesh"));
   }
   return CheckOutputFile(path);
 }
@@ -266,8 +338,10 @@ TriangleMesh AsSent(const TriangleMesh& mesh) {
 
 absl::Status WriteMesh(const std::string& path, const TriangleMesh& mesh) {
   ISOMATCH_RETURN_IF_ERROR(CheckMeshOutput(path));
-  return WriteFileAtomically(
-      path, LowerExtension(path) == ".ply" ? FormatPly(mesh) : FormatOff(mesh));
+  const std::string extension = LowerExtension(path);
+  return WriteFileAtomically(path, extension == ".ply"   ? FormatPly(mesh)
+                                   : extension == ".glb" ? FormatGlb(mesh, {})
+                                                         : FormatOff(mesh));
 }
 
 }  // namespace isomatch

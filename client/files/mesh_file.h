@@ -28,7 +28,24 @@ struct MeshTexture {
   /// Files that describe the materials (.mtl), as paths from the current
   /// folder.
   std::vector<std::string> libraries;
+  /// A picture, not decoded: its file's path from the current folder, or "" and
+  /// its bytes (PNG, JPEG).
+  struct Image {
+    std::string path;
+    std::string bytes;
+  };
+  /// Of a glTF file: its pictures, and for each material one of them, -1 for
+  /// none. Of others both are empty, and `libraries` name them.
+  std::vector<Image> images;
+  std::vector<int> image_of_material;
 };
+
+/// The meshes that can be read, for texts.
+inline constexpr char kMeshFiles[] =
+    ".off, .obj, .ply, .stl, .glb, .gltf, .vtk or .vtp";
+
+/// Their extensions, in lower case, those most used first.
+std::vector<std::string> MeshExtensions();
 
 /// A mesh as read from a file, and what else the file has.
 struct LoadedMesh {
@@ -42,9 +59,10 @@ struct LoadedMesh {
   /// Colors of the vertices. INVALID_ARGUMENT, naming file and line: some
   /// vertices have one and others not, or one is not a number of 0 or more.
   absl::StatusOr<std::optional<Colors>> colors = std::optional<Colors>();
-  /// Texture of `file_faces`, from an OBJ file with a `vt` that a face names.
-  /// INVALID_ARGUMENT, naming file and line: a `vt` that is not two numbers, or
-  /// a face that names one that is not there.
+  /// Texture of `file_faces`, from an OBJ file with a `vt` that a face names,
+  /// or from a glTF file with TEXCOORD; v counts from below. INVALID_ARGUMENT,
+  /// naming file and line: a `vt` that is not two numbers, or a face that names
+  /// one that is not there.
   absl::StatusOr<std::optional<MeshTexture>> texture =
       std::optional<MeshTexture>();
 
@@ -53,8 +71,10 @@ struct LoadedMesh {
   TriangleMesh WithFileFaces() const { return {mesh.positions, file_faces}; }
 };
 
-/// Returns the mesh of an OFF, OBJ, PLY (ascii or binary) or STL file, known by
-/// its extension. The result passes ValidateMesh.
+/// Returns the mesh of an OFF, OBJ, PLY (ascii or binary), STL, glTF (.glb,
+/// .gltf) or VTK file (.vtk, .vtp), known by its extension, after which .gz may
+/// stand; "-" is standard input, known by what it has. What gzip packed is
+/// unpacked (client/files/input_file.h). The result passes ValidateMesh.
 ///
 /// 1. Vertices keep the file's number and order, those on no face too. STL has
 ///    no vertices of its own: corners at one position become one vertex, in
@@ -67,6 +87,9 @@ struct LoadedMesh {
 ///    `v x y z r g b` of OBJ, and numbers after the coordinates in OFF (or
 ///    COFF): bytes, 16-bit numbers or fractions, as the file has them. What is
 ///    wrong with them or with texture coordinates does not make the mesh wrong.
+/// 5. All primitives that a glTF file's scene places are one mesh
+///    (client/files/gltf_reader.h); a .gltf file names no others than those
+///    below its folder. Of VTK files polygons and strips are read.
 ///
 /// Messages begin with `field` and the path, and say what was expected.
 /// NOT_FOUND: no such file. INVALID_ARGUMENT: everything else.
@@ -78,9 +101,10 @@ absl::StatusOr<LoadedMesh> ReadMesh(const std::string& path,
 /// Vertices that cleaning joins are those that it joins there.
 TriangleMesh AsSent(const TriangleMesh& mesh);
 
-/// Writes an OFF or binary PLY file, by extension, atomically. Coordinates are
-/// written so that reading gives the same double (OFF) or the nearest float
-/// (PLY). INVALID_ARGUMENT: another extension; else as WriteFileAtomically.
+/// Writes an OFF, binary PLY or GLB file, by extension, atomically. Coordinates
+/// are written so that reading gives the same double (OFF) or the nearest float
+/// (PLY, GLB). INVALID_ARGUMENT: another extension; else as
+/// WriteFileAtomically.
 absl::Status WriteMesh(const std::string& path, const TriangleMesh& mesh);
 
 /// OK when WriteMesh(path) can be expected to succeed.

@@ -7,6 +7,7 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "client/files/input_file.h"
 #include "client/files/text_file.h"
 #include "core/base/status_macros.h"
 #include "core/mesh/mesh_geometry.h"
@@ -43,11 +44,11 @@ absl::StatusOr<NamedVertex> ParseLine(const std::string& path, int line,
 
 absl::StatusOr<std::vector<NamedVertex>> ReadNamedVertices(
     const std::string& path, const TriangleMesh& mesh) {
-  ISOMATCH_ASSIGN_OR_RETURN(const std::string text,
-                            ReadFile(path, kLandmarkLines));
+  ISOMATCH_ASSIGN_OR_RETURN(const InputFile file,
+                            ReadInput(path, kLandmarkLines));
   const std::vector<bool> is_on_face = VerticesOnFaces(mesh);
   std::vector<NamedVertex> vertices;
-  for (LineCursor rows = {text}; rows.Next();) {
+  for (LineCursor rows = {file.bytes}; rows.Next();) {
     ISOMATCH_ASSIGN_OR_RETURN(
         NamedVertex vertex,
         ParseLine(path, rows.number, rows.line, is_on_face));

@@ -6,7 +6,9 @@
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "client/files/input_file.h"
 #include "client/files/map_file.h"
+#include "client/files/map_parser.h"
 #include "client/files/text_file.h"
 #include "core/base/status_macros.h"
 
@@ -119,14 +121,15 @@ VertexMap PlacesOnY::HeaviestVertices() const {
 absl::StatusOr<PlacesOnY> ReadPlaces(const std::string& path,
                                      std::optional<VertexIndex> vertices_x,
                                      const TriangleMesh& mesh_y) {
-  if (MapFormatOf(path) == MapFormat::kText) {
-    ISOMATCH_ASSIGN_OR_RETURN(
-        const std::string text,
-        ReadFile(path, "a map, or places `FACE W0 W1 W2`"));
-    if (IsPrecise(text)) return ParsePlaces(path, text, vertices_x, mesh_y);
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const InputFile file,
+      ReadInput(path, "a map, or places `FACE W0 W1 W2`"));
+  if (MapFormatOf(path, file) == MapFormat::kText && IsPrecise(file.bytes)) {
+    return ParsePlaces(path, file.bytes, vertices_x, mesh_y);
   }
-  ISOMATCH_ASSIGN_OR_RETURN(const VertexMap y_from_x,
-                            ReadMap(path, mesh_y.num_vertices(), vertices_x));
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const VertexMap y_from_x,
+      ParseMap(path, file, mesh_y.num_vertices(), vertices_x));
   PlacesOnY places;
   for (const VertexIndex y : y_from_x) {
     places.points.push_back(

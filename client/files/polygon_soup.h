@@ -21,6 +21,13 @@ struct MeshFault {
   std::string what;
 };
 
+/// A picture of a material, not decoded.
+struct SoupImage {
+  /// The file that has it, or "" and its bytes.
+  std::string path;
+  std::string bytes;
+};
+
 /// Where the polygons of a file lie in pictures. An entry that is -1, or that
 /// stands beyond the end of its vector, is none.
 struct SoupTexture {
@@ -31,6 +38,9 @@ struct SoupTexture {
   std::vector<std::string> materials;
   /// As the file names them.
   std::vector<std::string> libraries;
+  /// Pictures of the file itself, and for each of `materials` one of them.
+  std::vector<SoupImage> images;
+  std::vector<int> image_of_material;
 };
 
 /// What one pass over a mesh file finds. A reader that returned no fault has

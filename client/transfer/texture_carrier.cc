@@ -434,6 +434,8 @@ absl::StatusOr<CarriedTexture> CarryTexture(
   CarriedTexture carried;
   MeshTexture& texture = carried.texture;
   texture.materials = texture_y.materials;
+  texture.images = texture_y.images;
+  texture.image_of_material = texture_y.image_of_material;
   texture.libraries = texture_y.libraries;
   texture.corners = Faces::Constant(mesh_x.num_faces(), 3, -1);
   CoordinateNumbers numbers(mesh_x.num_vertices());

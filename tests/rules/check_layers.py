@@ -69,6 +69,7 @@ RESTRICTED = {
     r"spdlog": {"server/logging"},
     r"prometheus/": {"server/metrics"},
     r"png\.h$": {"client/picture"},
+    r"(tiny_gltf\.h|pugixml\.hpp|zlib\.h)$": {"client/files"},
     r"pqxx/": {"server/postgres"},
     # A clock; core/base/mutex.h may wait, but tells no time to core.
     r"(chrono|absl/time/clock\.h|ctime)$":

@@ -166,10 +166,11 @@ TEST_F(TransferCommandTest, PrecisePlacesInterpolate) {
 
 TEST_F(TransferCommandTest, WrongUseIsExplained) {
   ExpectUsageError(Transfer({}), "--output is required");
-  ExpectUsageError(Transfer({"-o", folder_.Path("a.off")}),
-                   "the extension is '.off', expected .obj or .ply for a mesh");
+  ExpectUsageError(
+      Transfer({"-o", folder_.Path("a.off")}),
+      "the extension is '.off', expected .obj or .glb or .ply for a mesh");
   ExpectUsageError(Transfer({"-o", folder_.Path("a.txt")}),
-                   "expected .obj or .ply");
+                   "expected .obj or .glb or .ply");
   const std::string labels = folder_.Write("l.txt", "1\n2\n");
   ExpectUsageError(Transfer({"--labels", labels, "-o", out_}),
                    "expected .txt or .npy for labels");

@@ -136,7 +136,7 @@ TEST_F(MeshFileTest, WrittenMeshesComeBack) {
     EXPECT_LE(error, std::string(name) == "a.off" ? 0 : 1e-9);
   }
   EXPECT_THAT(WriteMesh(folder_.Path("a.stl"), mesh),
-              Refused("expected .off or .ply"));
+              Refused("expected .off, .ply or .glb"));
 }
 
 TEST_F(MeshFileTest, PolygonsAreCutAlongTheShorterDiagonal) {
@@ -167,7 +167,8 @@ TEST_F(MeshFileTest, BrokenFilesSayWhatWasExpected) {
               StatusIs(absl::StatusCode::kNotFound, HasSubstr("X: '")));
   EXPECT_THAT(ReadMesh(folder_.Path(""), "X"), Refused("a directory"));
   EXPECT_THAT(Error("a.off", ""), Refused("the file is empty"));
-  EXPECT_THAT(Error("a.txt", "hello"), Refused(".off, .obj, .ply or .stl"));
+  EXPECT_THAT(Error("a.txt", "hello"),
+              Refused("expected a mesh: .off, .obj, .ply, .stl, .glb"));
   EXPECT_THAT(Error("a.off", "hello"), Refused("the letters OFF"));
   EXPECT_THAT(Error("a.ply", "hello"), Refused("the letters ply"));
   EXPECT_THAT(Error("a.obj", "hello"), Refused("lines `v x y z`"));
