@@ -86,11 +86,12 @@ std::optional<std::vector<std::string>> SplitPaths(absl::string_view line) {
 
 absl::StatusOr<BatchPair> ParseLine(const std::string& list, int number,
                                     const std::vector<std::string>& words) {
-  if (words.size() != 2 && words.size() != 3) {
+  if (words.size() < 2 || words.size() > 4) {
     return LineError(
         list, number,
-        absl::StrCat("expected X Y [LANDMARKS], found ", words.size(),
-                     words.size() == 1 ? " word" : " words",
+        absl::StrCat("expected X Y [LANDMARKS] or X Y X_POINTS Y_POINTS, "
+                     "found ",
+                     words.size(), words.size() == 1 ? " word" : " words",
                      "; paths with blanks stand between tabs or double "
                      "quotes"));
   }
@@ -106,6 +107,10 @@ absl::StatusOr<BatchPair> ParseLine(const std::string& list, int number,
                                   "', expected a mesh: ", kMeshFiles));
   }
   if (words.size() == 3) pair.landmarks = (folder / words[2]).string();
+  if (words.size() == 4) {
+    pair.points_x = (folder / words[2]).string();
+    pair.points_y = (folder / words[3]).string();
+  }
   pair.name = PairName(pair.x, pair.y);
   return pair;
 }

@@ -13,15 +13,18 @@ struct BatchPair {
   std::string name;
   std::string x;
   std::string y;
-  /// Empty for none.
+  /// Empty for none: lines `x y`, or points on X and on Y.
   std::string landmarks;
+  std::string points_x = {};
+  std::string points_y = {};
   std::string truth;
 };
 
-/// Returns the pairs of a list: lines `X Y [LANDMARKS]`, # starts a comment.
-/// Blanks separate them, in a line with tabs these alone; what stands between
-/// double quotes is one of them, whatever it has. Paths are relative to the
-/// list's folder; a mesh's extension may be left out.
+/// Returns the pairs of a list: lines `X Y [LANDMARKS]` or `X Y X_POINTS
+/// Y_POINTS`, # starts a comment. Blanks separate them, in a line with tabs
+/// these alone; what stands between double quotes is one of them, whatever it
+/// has. Paths are relative to the list's folder; a mesh's extension may be left
+/// out.
 ///
 /// INVALID_ARGUMENT, naming file and line: another number of paths, a quote
 /// without its partner, a mesh that is not there, two pairs of one name.

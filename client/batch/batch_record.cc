@@ -38,8 +38,12 @@ absl::StatusOr<BatchRecord> BatchRecord::Make(const std::string& folder,
   record.stem_ = absl::StrCat(folder, "/", pair.name);
   ISOMATCH_ASSIGN_OR_RETURN(const std::string x, HashOf(pair.x, "a mesh"));
   ISOMATCH_ASSIGN_OR_RETURN(const std::string y, HashOf(pair.y, "a mesh"));
-  ISOMATCH_ASSIGN_OR_RETURN(const std::string landmarks,
+  ISOMATCH_ASSIGN_OR_RETURN(std::string landmarks,
                             HashOf(pair.landmarks, "landmarks"));
+  for (const std::string& points : {pair.points_x, pair.points_y}) {
+    ISOMATCH_ASSIGN_OR_RETURN(const std::string hash, HashOf(points, "points"));
+    landmarks += hash;
+  }
   ISOMATCH_ASSIGN_OR_RETURN(record.truth_sha256_,
                             HashOf(pair.truth, "a ground truth"));
   record.fingerprint_ = Sha256Hex(

@@ -148,7 +148,10 @@ absl::Status BatchRunner::Match(const BatchPair& pair, std::size_t index,
   std::vector<std::string> warnings;
   ISOMATCH_ASSIGN_OR_RETURN(
       const FileOfY file_y,
-      ReadMatchFiles({pair.x, pair.y, pair.landmarks, options_.job.weld},
+      ReadMatchFiles({pair.x,
+                      pair.y,
+                      {pair.landmarks, pair.points_x, pair.points_y},
+                      options_.job.weld},
                      &request, &warnings));
   SetJobOptions(options_.job, &request);
   if (options_.parts.precise) {

@@ -29,8 +29,9 @@ namespace isomatch {
 namespace {
 
 constexpr char kBatchFooter[] = R"(
-LIST has lines `X Y [LANDMARKS]`, paths relative to LIST's folder, where the
-extension of a mesh may be left out; # starts a comment. Paths with blanks stand
+LIST has lines `X Y [LANDMARKS]` or `X Y X_POINTS Y_POINTS`, files as `match`
+takes them, paths relative to LIST's folder, where the extension of a mesh may be
+left out; # starts a comment. Paths with blanks stand
 between double quotes, or all of a line between tabs. With --template each MESH, or
 each mesh of a folder, is the Y of one template.
 

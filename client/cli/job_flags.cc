@@ -35,16 +35,30 @@ constexpr std::uint64_t kMostThreads = 1024;
 }  // namespace
 
 void AddPairOptions(CLI::App* command, std::string* x, std::string* y,
-                    std::string* landmarks) {
+                    LandmarkPaths* landmarks) {
   const std::string mesh =
       absl::StrCat("Mesh: ", kMeshFiles, ", .gz too; - is standard input");
   command->add_option("X", *x, mesh)->required()->type_name(kFile);
   command->add_option("Y", *y, mesh)->required()->type_name(kFile);
-  command
-      ->add_option("--landmarks", *landmarks,
-                   "File of known matches, lines `x y`")
-      ->type_name(kFile)
-      ->group(kMethodGroup);
+  CLI::Option* const pairs =
+      command
+          ->add_option("--landmarks", landmarks->pairs,
+                       "File of known matches, lines `x y`")
+          ->type_name(kFile)
+          ->group(kMethodGroup);
+  CLI::Option* const points_x =
+      command->add_option("--landmarks-x", landmarks->points_x,
+                          "Points on X: .mrk.json, .fcsv, or lines `x y z "
+                          "[LABEL]`");
+  CLI::Option* const points_y =
+      command->add_option("--landmarks-y", landmarks->points_y,
+                          "Points on Y, paired with those on X by label, else "
+                          "by order");
+  for (CLI::Option* const points : {points_x, points_y}) {
+    points->type_name(kFile)->group(kMethodGroup)->excludes(pairs);
+  }
+  points_x->needs(points_y);
+  points_y->needs(points_x);
 }
 
 void AddJobFlags(CLI::App* command, JobOptions* options) {

@@ -8,6 +8,7 @@
 #include "absl/status/statusor.h"
 #include "client/api/match_request.h"
 #include "client/job/job_options.h"
+#include "client/job/match_files.h"
 
 namespace CLI {
 class App;
@@ -24,9 +25,9 @@ struct QueueFlags {
 
 // Each adds options to `command`, which does not outlive what it fills.
 
-/// X, Y and --landmarks.
+/// X, Y, --landmarks, --landmarks-x and --landmarks-y.
 void AddPairOptions(CLI::App* command, std::string* x, std::string* y,
-                    std::string* landmarks);
+                    LandmarkPaths* landmarks);
 void AddJobFlags(CLI::App* command, JobOptions* options);
 void AddQueueFlags(CLI::App* command, QueueFlags* flags);
 

@@ -41,7 +41,10 @@ Examples:
   isomatch match X.off Y.ply -o map.txt --report report.json
   isomatch match X.off Y.ply -o map.txt --json | jq .symmetry_confidence
   isomatch match X.off Y.ply --landmarks pairs.txt --no-progress > map.txt
+  isomatch match X.off Y.ply --landmarks-x X.mrk.json --landmarks-y Y.mrk.json \
+                 -o map.txt
   isomatch match X.off Y.ply -o map.npy
+  zcat X.off.gz | isomatch match - Y.glb -o map.txt
   isomatch match X.off Y.ply -o colored.ply --confidence confidence.txt
   isomatch match X.off Y.ply -o map.txt --server 127.0.0.1:7443
   isomatch match X.off Y.ply -o map.txt --precise points.txt
@@ -50,7 +53,10 @@ Examples:
 
 A landmark file has lines `x y` of 0-based vertices known to match; # starts a
 comment. One that the rest of the map contradicts is changed, and a warning says
-so; --landmarks-exact keeps all as they are.
+so; --landmarks-exact keeps all as they are. --landmarks-x and --landmarks-y take
+points in space instead, of 3D Slicer or lines `x y z`, in the coordinates of the
+mesh's file. Each goes to the surface's nearest place and its nearest vertex; a
+line says how far that was.
 
 Further files, one line for each vertex of X:
   --precise      FACE W0 W1 W2: a 0-based face of Y and the weights of its three
@@ -64,7 +70,7 @@ that carries eigenfunctions of Y (columns) to X (rows).)";
 struct MatchArguments {
   std::string x;
   std::string y;
-  std::string landmarks;
+  LandmarkPaths landmarks;
   ConnectionFlags connection;
   JobOptions job;
   MatchOutputs outputs;
@@ -134,7 +140,9 @@ void SetColors(const MatchArguments& arguments,
 absl::Status MatchAndWrite(const MatchArguments& arguments,
                            const Terminal& terminal) {
   ISOMATCH_RETURN_IF_ERROR(CheckOutputs(
-      arguments.outputs, {arguments.x, arguments.y, arguments.landmarks}));
+      arguments.outputs,
+      {arguments.x, arguments.y, arguments.landmarks.pairs,
+       arguments.landmarks.points_x, arguments.landmarks.points_y}));
   if (arguments.json &&
       (arguments.outputs.map == "-" || arguments.is_summary)) {
     return absl::InvalidArgumentError(
@@ -157,6 +165,7 @@ absl::Status MatchAndWrite(const MatchArguments& arguments,
   SetJobOptions(arguments.job, &request);
   if (!server) request.threads = ThreadsHere(request.threads);
   request.parts = PartsFor(arguments.outputs);
+  if (!arguments.no_progress) Tell(file_y.notes, terminal);
   Warn(facts.warnings, terminal);
   const absl::StatusOr<MatchResult> found =
       server ? RunRemote(request, *server, arguments, terminal)

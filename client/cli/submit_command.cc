@@ -42,7 +42,7 @@ Example:
 struct SubmitArguments {
   std::string x;
   std::string y;
-  std::string landmarks;
+  LandmarkPaths landmarks;
   ConnectionFlags connection;
   JobOptions job;
   QueueFlags queue;
@@ -58,11 +58,12 @@ absl::Status RunSubmit(const SubmitArguments& arguments,
   std::vector<std::string> warnings;
   ISOMATCH_RETURN_IF_ERROR(SetQueueFlags(arguments.queue, &request));
   SetJobOptions(arguments.job, &request);
-  ISOMATCH_RETURN_IF_ERROR(
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const FileOfY file_y,
       ReadMatchFiles(
           {arguments.x, arguments.y, arguments.landmarks, arguments.job.weld},
-          &request, &warnings)
-          .status());
+          &request, &warnings));
+  Tell(file_y.notes, terminal);
   if (arguments.functional_map) {
     request.parts = {v1::RESULT_PART_FUNCTIONAL_MAP};
   }

@@ -2,6 +2,10 @@
 
 namespace isomatch {
 
+void Tell(const std::vector<std::string>& notes, const Terminal& terminal) {
+  for (const std::string& note : notes) terminal.err << note << std::endl;
+}
+
 void Warn(const std::vector<std::string>& warnings, const Terminal& terminal) {
   for (const std::string& warning : warnings) {
     terminal.err << "isomatch: warning: " << warning << std::endl;

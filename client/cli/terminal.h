@@ -21,6 +21,9 @@ struct Terminal {
   bool out_is_terminal = false;
 };
 
+/// Tells the user each of `notes`, one line each, on terminal.err.
+void Tell(const std::vector<std::string>& notes, const Terminal& terminal);
+
 /// Tells the user each of `warnings`, one line each.
 void Warn(const std::vector<std::string>& warnings, const Terminal& terminal);
 

@@ -17,6 +17,7 @@
 #include "client/cli/commands.h"
 #include "client/cli/option_support.h"
 #include "client/files/glb_file.h"
+#include "client/files/landmark_points.h"
 #include "client/files/map_file.h"
 #include "client/files/material_pictures.h"
 #include "client/files/mesh_file.h"
@@ -25,12 +26,14 @@
 #include "client/files/obj_file.h"
 #include "client/files/place_file.h"
 #include "client/files/ply_file.h"
+#include "client/files/point_file.h"
 #include "client/files/text_file.h"
 #include "client/files/vertex_colors.h"
 #include "client/transfer/texture_carrier.h"
 #include "client/transfer/transfer.h"
 #include "core/base/status_macros.h"
 #include "core/mesh/mesh_geometry.h"
+#include "core/mesh/surface_point.h"
 
 namespace isomatch {
 namespace {
@@ -51,9 +54,11 @@ Without --labels and --landmarks, OUT is X in the looks of Y's file:
   OUT.ply  vertex colors of Y (.ply, .obj, .off, .glb, .gltf)
 With --labels, OUT (.txt or .npy) has for each vertex of X the label of the
 nearest vertex of Y; labels are never averaged. With --landmarks, whose lines
-are `VERTEX [NAME]` of Y, OUT has such lines of X: the vertex whose place on Y
-is nearest along the surface; of several at the same distance the one nearest to
-their middle, then the first.
+are `VERTEX [NAME]` of Y, OUT.txt has such lines of X: the vertex whose place on
+Y is nearest along the surface; of several at the same distance the one nearest
+to their middle, then the first. Landmarks may be points, too (.mrk.json, .fcsv,
+.csv), and OUT.mrk.json, .fcsv or .csv has points on X with the same labels:
+with --precise places between its vertices.
 
 Examples:
   isomatch match scan.off template.obj -o map.txt --precise places.txt
@@ -63,7 +68,9 @@ Examples:
   isomatch transfer scan.off template.obj map.txt --labels parts.txt \
                     -o scan_parts.txt
   isomatch transfer scan.off template.obj places.txt \
-                    --landmarks template_points.txt -o scan_points.txt)";
+                    --landmarks template_points.txt -o scan_points.txt
+  isomatch transfer scan.off template.obj places.txt \
+                    --landmarks template.mrk.json -o scan.mrk.json)";
 
 // Farther from every vertex of X, as a fraction of sqrt(area of Y), a landmark
 // was not really found.
@@ -111,9 +118,10 @@ absl::Status CheckArguments(const TransferArguments& arguments) {
         "has an OUT of its own");
   }
   const std::vector<const char*> expected =
-      !arguments.labels.empty()      ? std::vector{".txt", ".npy"}
-      : !arguments.landmarks.empty() ? std::vector{".txt"}
-                                     : std::vector{".obj", ".glb", ".ply"};
+      !arguments.labels.empty() ? std::vector{".txt", ".npy"}
+      : !arguments.landmarks.empty()
+          ? std::vector{".txt", ".json", ".fcsv", ".csv"}
+          : std::vector{".obj", ".glb", ".ply"};
   const std::string extension = LowerExtension(arguments.output);
   if (std::find(expected.begin(), expected.end(), extension) ==
       expected.end()) {
@@ -294,29 +302,76 @@ void TellLandmarks(absl::Span<const NamedVertex> landmarks,
   outcome->json["landmarks"] = std::move(all);
 }
 
+// Landmarks of Y: vertices, and where they are in space.
+struct LandmarksOfY {
+  std::vector<NamedVertex> vertices;
+  std::vector<Eigen::RowVector3d> positions;
+  std::string space;
+};
+
+absl::StatusOr<LandmarksOfY> ReadLandmarksOfY(const std::string& path,
+                                              const TriangleMesh& mesh_y,
+                                              Outcome* outcome) {
+  LandmarksOfY landmarks;
+  if (IsPointFile(path)) {
+    ISOMATCH_ASSIGN_OR_RETURN(SnappedPoints snapped,
+                              ReadSnappedPoints(path, mesh_y, "Y"));
+    for (const SnappedPoint& point : snapped.points) {
+      landmarks.vertices.push_back({point.vertex, point.label});
+      landmarks.positions.push_back(PositionOf(mesh_y, point.place));
+    }
+    landmarks.space = snapped.space;
+    outcome->text = snapped.summary + "\n";
+    outcome->warnings = std::move(snapped.warnings);
+    return landmarks;
+  }
+  ISOMATCH_ASSIGN_OR_RETURN(landmarks.vertices,
+                            ReadNamedVertices(path, mesh_y));
+  for (const NamedVertex& landmark : landmarks.vertices) {
+    landmarks.positions.push_back(mesh_y.positions.row(landmark.vertex));
+  }
+  return landmarks;
+}
+
+// The bytes of OUT: vertices of X, or places on it.
+std::string FormatLandmarks(const std::string& path, const Inputs& inputs,
+                            const LandmarksOfY& landmarks,
+                            absl::Span<const CarriedLandmark> carried) {
+  std::vector<NamedVertex> vertices;
+  std::vector<LandmarkPoint> points;
+  for (std::size_t i = 0; i < carried.size(); ++i) {
+    const VertexIndex x = carried[i].x;
+    if (x == kNoVertex) continue;
+    const std::string& name = landmarks.vertices[i].name;
+    vertices.push_back({x, name});
+    points.push_back({inputs.places.is_precise
+                          ? PointOnX(landmarks.positions[i], x, inputs.mesh_x,
+                                     inputs.mesh_y, inputs.places.points)
+                          : Eigen::RowVector3d(inputs.mesh_x.positions.row(x)),
+                      name});
+  }
+  return IsPointFile(path) ? FormatPoints(path, landmarks.space, points)
+                           : FormatNamedVertices(vertices);
+}
+
 absl::StatusOr<Outcome> CarryLandmarkFile(const TransferArguments& arguments,
                                           const Inputs& inputs,
                                           const Terminal& terminal) {
+  Outcome outcome;
   ISOMATCH_ASSIGN_OR_RETURN(
-      const std::vector<NamedVertex> landmarks,
-      ReadNamedVertices(arguments.landmarks, inputs.mesh_y));
+      const LandmarksOfY landmarks,
+      ReadLandmarksOfY(arguments.landmarks, inputs.mesh_y, &outcome));
   VertexMap vertices;
-  for (const NamedVertex& landmark : landmarks) {
+  for (const NamedVertex& landmark : landmarks.vertices) {
     vertices.push_back(landmark.vertex);
   }
   ISOMATCH_ASSIGN_OR_RETURN(
       const std::vector<CarriedLandmark> carried,
       CarryLandmarks(vertices, inputs.mesh_x, inputs.welded_y,
                      inputs.places.points, terminal.stop));
-  Outcome outcome;
-  TellLandmarks(landmarks, carried, std::sqrt(SurfaceArea(inputs.welded_y)),
-                &outcome);
-  std::vector<NamedVertex> found;
-  for (std::size_t i = 0; i < landmarks.size(); ++i) {
-    if (carried[i].x == kNoVertex) continue;
-    found.push_back({carried[i].x, landmarks[i].name});
-  }
-  outcome.bytes = FormatNamedVertices(found);
+  TellLandmarks(landmarks.vertices, carried,
+                std::sqrt(SurfaceArea(inputs.welded_y)), &outcome);
+  outcome.bytes = FormatLandmarks(arguments.output, inputs, landmarks, carried);
   return outcome;
 }
 
@@ -358,15 +413,16 @@ Command AddTransferCommand(CLI::App& app) {
                    "Map from X to Y (.txt, .npy, .json), or --precise file")
       ->required();
   command
-      ->add_option(
-          "-o,--output", arguments->output,
-          "OUT: .obj, .glb or .ply; labels .txt or .npy; landmarks .txt")
+      ->add_option("-o,--output", arguments->output,
+                   "OUT: .obj, .glb or .ply; labels .txt or .npy; landmarks "
+                   ".txt, .mrk.json, .fcsv or .csv")
       ->required();
   CLI::Option* const labels = command->add_option(
       "--labels", arguments->labels,
       "Labels of Y's vertices, one whole number a line or .npy");
   command->add_option("--landmarks", arguments->landmarks,
-                      "Landmarks of Y, lines `VERTEX [NAME]`, 0-based");
+                      "Landmarks of Y, lines `VERTEX [NAME]`, 0-based, or "
+                      "points: .mrk.json, .fcsv, .csv");
   command
       ->add_option("--missing", arguments->missing,
                    "Label of vertices that have no place on Y")

@@ -11,11 +11,20 @@
 
 namespace isomatch {
 
-/// The files that a match reads; `landmarks` and `weld` empty for none.
+/// Where landmarks come from; empty for none.
+struct LandmarkPaths {
+  /// Lines `x y`.
+  std::string pairs;
+  /// Points on X and on Y, both or none.
+  std::string points_x;
+  std::string points_y;
+};
+
+/// The files that a match reads; `weld` empty for none.
 struct MatchPaths {
   std::string x;
   std::string y;
-  std::string landmarks;
+  LandmarkPaths landmarks;
   std::string weld;
 };
 
@@ -24,6 +33,8 @@ struct FileOfY {
   TriangleMesh mesh;
   /// Of each vertex of its file, or why there are none.
   absl::StatusOr<std::optional<Colors>> colors;
+  /// How far points were from the surfaces, in lines for people.
+  std::vector<std::string> notes = {};
 };
 
 /// Reads both meshes and the landmarks into `request`. What is to be said about

@@ -8,6 +8,7 @@
 #include "core/base/status_macros.h"
 #include "core/geodesic/distance_field_solver.h"
 #include "core/mesh/clean_mesh.h"
+#include "core/mesh/surface_point.h"
 
 namespace isomatch {
 namespace {
@@ -123,6 +124,55 @@ absl::StatusOr<std::vector<CarriedLandmark>> CarryLandmarks(
     carried[i] = Nearest(field, clean_y, mesh_x.positions, places);
   }));
   return carried;
+}
+
+namespace {
+
+// Faces with a vertex that `is_wanted`.
+std::vector<VertexIndex> FacesOf(const Faces& faces,
+                                 const std::vector<bool>& is_wanted) {
+  std::vector<VertexIndex> found;
+  for (VertexIndex f = 0; f < static_cast<VertexIndex>(faces.rows()); ++f) {
+    for (int i = 0; i < 3; ++i) {
+      if (!is_wanted[static_cast<std::size_t>(faces(f, i))]) continue;
+      found.push_back(f);
+      break;
+    }
+  }
+  return found;
+}
+
+}  // namespace
+
+Eigen::RowVector3d PointOnX(const Eigen::RowVector3d& position_y, VertexIndex x,
+                            const TriangleMesh& mesh_x,
+                            const TriangleMesh& mesh_y,
+                            absl::Span<const PrecisePoint> places) {
+  std::vector<bool> is_near(places.size());
+  is_near[static_cast<std::size_t>(x)] = true;
+  for (const VertexIndex f : FacesOf(mesh_x.faces, is_near)) {
+    for (int i = 0; i < 3; ++i) {
+      is_near[static_cast<std::size_t>(mesh_x.faces(f, i))] = true;
+    }
+  }
+  TriangleMesh image = {Positions::Zero(mesh_x.num_vertices(), 3),
+                        mesh_x.faces};
+  std::vector<VertexIndex> near;
+  for (const VertexIndex f : FacesOf(mesh_x.faces, is_near)) {
+    bool has_image = true;
+    for (int i = 0; i < 3 && has_image; ++i) {
+      const VertexIndex v = mesh_x.faces(f, i);
+      const PrecisePoint& place = places[static_cast<std::size_t>(v)];
+      has_image = !IsNowhere(place);
+      if (!has_image) break;
+      image.positions.row(v) =
+          Mean(place, Eigen::RowVector3d::Zero().eval(),
+               [&](VertexIndex y) { return mesh_y.positions.row(y).eval(); });
+    }
+    if (has_image) near.push_back(f);
+  }
+  if (near.empty()) return mesh_x.positions.row(x);
+  return PositionOf(mesh_x, NearestOnFaces(image, near, position_y));
 }
 
 }  // namespace isomatch

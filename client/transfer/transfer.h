@@ -49,4 +49,15 @@ absl::StatusOr<std::vector<CarriedLandmark>> CarryLandmarks(
     const TriangleMesh& mesh_y, absl::Span<const PrecisePoint> places,
     const std::stop_token& stop);
 
+/// Where a point of Y lies on X between its vertices: the point of the faces
+/// within two edges of vertex `x`, whose image on Y, linear on each of them, is
+/// nearest to `position_y`. Faces with a vertex that lies nowhere have no
+/// image; without any other it is the vertex.
+///
+/// REQUIRES: x >= 0. Time O(faces of X).
+Eigen::RowVector3d PointOnX(const Eigen::RowVector3d& position_y, VertexIndex x,
+                            const TriangleMesh& mesh_x,
+                            const TriangleMesh& mesh_y,
+                            absl::Span<const PrecisePoint> places);
+
 }  // namespace isomatch
