@@ -27,10 +27,10 @@ struct SnappedPoint {
 struct SnappedPoints {
   std::vector<SnappedPoint> points;
   /// The mesh's coordinate system by the file: LPS, RAS or "" for not said.
-  std::string space;
+  std::string space = {};
   /// How far they were, one line; and what is doubtful about it.
-  std::string summary;
-  std::vector<std::string> warnings;
+  std::string summary = {};
+  std::vector<std::string> warnings = {};
 };
 
 /// Reads points and sets each on the surface of `mesh`, which `name` stands for

@@ -83,7 +83,8 @@ class VtkReader {
     if (keyword == "CELLS") return ReadGridCells();
     if (keyword == "CELL_TYPES") return ReadTypes();
     if (keyword == "FIELD") return SkipField();
-    if (keyword == "METADATA") {
+    if (keyword == "METADATA") {  // up to an empty line
+      Line();
       while (!Line().empty()) {
       }
       return std::nullopt;
