@@ -13,6 +13,7 @@
 
 #include <unistd.h>
 
+#include "client/files/landmark_points.h"
 #include "client/files/map_file.h"
 #include "client/files/mesh_file.h"
 #include "client/files/mesh_weld.h"
@@ -23,10 +24,12 @@
 namespace isomatch {
 namespace {
 
-constexpr std::array kNames = {"m.off",   "m.obj",     "m.ply",    "m.stl",
-                               "map.txt", "map.npy",   "map.json", "places.txt",
-                               "lm.txt",  "truth.txt", "names.txt"};
-constexpr std::size_t kMeshNames = 4;
+// In an order that files of the corpus count on.
+constexpr std::array kNames = {
+    "m.off",     "m.obj",    "m.ply",      "m.stl",  "map.txt",
+    "map.npy",   "map.json", "places.txt", "lm.txt", "truth.txt",
+    "names.txt", "m.glb",    "m.gltf",     "m.vtk",  "m.vtp",
+    "m.off.gz",  "p.csv",    "p.mrk.json", "p.fcsv"};
 
 /// A folder in memory where there is one; its files are written again and
 /// again.
@@ -101,6 +104,13 @@ void ReadOther(const std::string& name, const std::string& path) {
   } else if (name == "lm.txt") {
     const auto landmarks = ReadLandmarks(path, 4, 4);
     ISOMATCH_CHECK(!landmarks.ok() || landmarks->size() <= 4);
+  } else if (name.starts_with("p.")) {
+    const auto points = ReadSnappedPoints(path, y, "Y");
+    ISOMATCH_CHECK(!points.ok() || !points->points.empty());
+    if (!points.ok()) return;
+    for (const SnappedPoint& point : points->points) {
+      ISOMATCH_CHECK(0 <= point.vertex && point.vertex < 4);
+    }
   } else if (name == "truth.txt") {
     const auto truth = ReadGroundTruth(path, 4, 4);
     ISOMATCH_CHECK(!truth.ok() || truth->direct.size() == 4);
@@ -121,7 +131,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data,
   std::ofstream(path, std::ios::binary)
       .write(reinterpret_cast<const char*>(data) + 1,
              static_cast<std::streamsize>(size - 1));
-  if (kind < kMeshNames) {
+  if (std::string(kNames[kind]).starts_with("m.")) {
     ReadMeshFile(path);
   } else {
     ReadOther(kNames[kind], path);
