@@ -290,6 +290,18 @@ TEST_F(BatchTest, PathsMayHaveBlanks) {
   EXPECT_TRUE(fs::exists(Out("my cat__c.txt")));
 }
 
+TEST_F(BatchTest, PackedMeshesAndPointsOfBothShapesAreListed) {
+  fs::copy_file(folder_.Path("a.off"), folder_.Path("d.off.gz"));
+  folder_.Write("d.csv", "0 0 1 pole\n");
+  ASSERT_EQ(Batch({folder_.Write("list2.txt", "d b d.csv d.csv\n")}).status,
+            kExitSuccess);
+  EXPECT_TRUE(fs::exists(Out("d__b.txt")));
+  // Other points make the pair new.
+  folder_.Write("d.csv", "0 1 0 pole\n");
+  const CommandOutcome again = Batch({folder_.Path("list2.txt")});
+  EXPECT_THAT(again.out, HasSubstr("1 done, 0 kept from before"));
+}
+
 TEST_F(BatchTest, WrongListsAreNamedByLine) {
   const auto expect_error = [&](const std::vector<std::string>& arguments,
                                 const std::string& why) {

@@ -17,6 +17,7 @@
 #include "client/files/map_file.h"
 #include "client/files/mesh_file.h"
 #include "client/files/ply_file.h"
+#include "client/files/point_file.h"
 #include "client/files/text_file.h"
 #include "client/files/vertex_colors.h"
 #include "tests/client/cli/run_isomatch.h"
@@ -237,6 +238,49 @@ TEST_F(MatchOutputsTest, FlagsReachTheMethod) {
   EXPECT_TRUE(seen.landmarks_exact);
   Match({"--functional-map", Path("f")});
   EXPECT_TRUE(seen.keep_functional_map);
+}
+
+TEST_F(MatchOutputsTest, PointsOfBothShapesBecomeLandmarks) {
+  std::vector<VertexMatch> seen;
+  on_found_ = [&](auto&& landmarks, auto&& options, Correspondence& found) {
+    FindEverything(landmarks, options, found);
+    seen.assign(landmarks.begin(), landmarks.end());
+  };
+  const TriangleMesh x = UnitSphere(1);
+  const auto at = [](const TriangleMesh& mesh, VertexIndex v) {
+    return Eigen::RowVector3d(mesh.positions.row(v));
+  };
+  const std::string points_x = folder_.Write(
+      "x.mrk.json", FormatPoints("x.mrk.json", "LPS",
+                                 std::vector<LandmarkPoint>{{at(x, 12), "a"},
+                                                            {at(x, 13), "b"}}));
+  const std::string points_y = folder_.Write(
+      "y.fcsv",
+      FormatPoints("y.fcsv", "LPS",
+                   std::vector<LandmarkPoint>{{at(Tetrahedron(), 3), "b"},
+                                              {at(Tetrahedron(), 2), "a"}}));
+  const CommandOutcome outcome =
+      Match({"--landmarks-x", points_x, "--landmarks-y", points_y});
+  ASSERT_EQ(outcome.status, kExitSuccess) << outcome.err;
+  ASSERT_EQ(seen.size(), 2u);
+  EXPECT_TRUE(seen[0].x == 12 && seen[0].y == 2);
+  EXPECT_TRUE(seen[1].x == 13 && seen[1].y == 3);
+  // --no-progress says nothing of the distances.
+  EXPECT_THAT(outcome.err, Not(HasSubstr("landmarks on X")));
+  // What the page of `isomatch view` exports.
+  ASSERT_EQ(Match({"--landmarks",
+                   folder_.Write("lm.txt",
+                                 "# Isomatch: pairs of the viewer\n# X x.off\n"
+                                 "# Y y.off\n13 3\n12 2\n")})
+                .status,
+            kExitSuccess);
+  ASSERT_EQ(seen.size(), 2u);
+  EXPECT_TRUE(seen[0].x == 13 && seen[0].y == 3);
+  const CommandOutcome mixed = Match({"--landmarks", points_x});
+  EXPECT_EQ(mixed.status, kExitUsage);
+  EXPECT_THAT(mixed.err, HasSubstr("expected lines `x y`, or --landmarks-x"));
+  EXPECT_THAT(Match({"--landmarks-x", points_x}).err,
+              HasSubstr("--landmarks-x requires --landmarks-y"));
 }
 
 TEST_F(MatchOutputsTest, ChangedLandmarksAreSaidInOneLine) {

@@ -7,7 +7,9 @@
 
 #include "client/files/map_file.h"
 #include "client/files/mesh_file.h"
+#include "client/files/point_file.h"
 #include "client/files/text_file.h"
+#include "core/mesh/surface_point.h"
 #include "tests/client/cli/run_isomatch.h"
 #include "tests/support/matchers.h"
 #include "tests/support/shapes.h"
@@ -75,6 +77,46 @@ TEST_F(TransferCommandTest, ATextureGoesFromPoseToPose) {
   EXPECT_TRUE(out->texture->has_value());
 }
 
+TEST_F(TransferCommandTest, OneGlbFileHasTheTextureAndItsPicture) {
+  const std::string glb = folder_.Path("out.glb");
+  const CommandOutcome outcome = Transfer({"-o", glb});
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  EXPECT_EQ(outcome.err, "");
+  const std::string bytes = Content(glb);
+  const std::string png = Content(folder_.Path("y.png"));
+  EXPECT_NE(bytes.find(png), std::string::npos);
+  ASSERT_EQ(Transfer({"-o", out_}).status, 0);
+  const LoadedMesh obj = *ReadMesh(out_, "OBJ");
+  const LoadedMesh out = *ReadMesh(glb, "OUT");
+  EXPECT_EQ(out.mesh.positions.topRows(600),
+            obj.mesh.positions.cast<float>().cast<double>());
+  ASSERT_EQ(out.mesh.num_faces(), obj.mesh.num_faces());
+  const MeshTexture& from = **obj.texture;
+  const MeshTexture& to = **out.texture;
+  for (VertexIndex f = 0; f < out.mesh.num_faces(); ++f) {
+    for (int i = 0; i < 3; ++i) {
+      // In single precision, v from the other side.
+      ASSERT_LT((to.coordinates.row(to.corners(f, i)) -
+                 from.coordinates.row(from.corners(f, i)))
+                    .norm(),
+                1e-6);
+    }
+  }
+  // Y may be such a file, too.
+  const std::string again = folder_.Path("again.glb");
+  std::string identity;
+  for (VertexIndex v = 0; v < out.mesh.num_vertices(); ++v) {
+    identity += std::to_string(v) + "\n";
+  }
+  ASSERT_EQ(Run({"transfer", glb, glb, folder_.Write("id.txt", identity), "-o",
+                 again})
+                .status,
+            0);
+  EXPECT_NE(Content(again).find(png), std::string::npos);
+  ASSERT_EQ(Transfer({"-o", again}).status, 0);
+  EXPECT_EQ(Content(again), bytes);
+}
+
 TEST_F(TransferCommandTest, ColorsGoFromPoseToPose) {
   const std::string y = folder_.Path("y.ply");
   const std::string out = folder_.Path("out.ply");
@@ -125,6 +167,41 @@ TEST_F(TransferCommandTest, LandmarksGoAlongWithTheirNames) {
   EXPECT_EQ(map[static_cast<std::size_t>(x)], map[42]);
   EXPECT_EQ(json["landmarks"][0]["distance"], 0);
   EXPECT_EQ(Content(out), std::to_string(x) + " tip of the nose\n");
+}
+
+TEST_F(TransferCommandTest, PointsGoAlongBetweenVertices) {
+  // From Y to itself, by places: every point comes back.
+  const LoadedMesh y = *ReadMesh(y_, "Y");
+  std::vector<std::string> lines(500);
+  std::vector<LandmarkPoint> points;
+  for (VertexIndex f = 0; f < y.mesh.num_faces(); ++f) {
+    const char* const weights[] = {" 1 0 0\n", " 0 1 0\n", " 0 0 1\n"};
+    for (int i = 0; i < 3; ++i) {
+      lines[static_cast<std::size_t>(y.mesh.faces(f, i))] =
+          std::to_string(f) + weights[i];
+    }
+    if (f % 100 != 0) continue;
+    points.push_back(
+        {PositionOf(y.mesh, {f, {0.25, 0.25, 0.5}}), "p" + std::to_string(f)});
+  }
+  std::string places;
+  for (const std::string& line : lines) places += line;
+  const std::string p = folder_.Write("p.txt", places);
+  for (const std::string name : {"o.mrk.json", "o.fcsv", "o.csv"}) {
+    const std::string in =
+        folder_.Write("in_" + name, FormatPoints(name, "", points));
+    const std::string out = folder_.Path(name);
+    const CommandOutcome outcome =
+        Run({"transfer", y_, y_, p, "--landmarks", in, "-o", out});
+    ASSERT_EQ(outcome.status, 0) << outcome.err;
+    EXPECT_THAT(outcome.out, HasSubstr("landmarks on Y: 10 points, "));
+    const PointFile found = *ReadPoints(out);
+    ASSERT_EQ(found.points.size(), points.size());
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      EXPECT_LT((found.points[i].position - points[i].position).norm(), 1e-9);
+      EXPECT_EQ(found.points[i].label, points[i].label);
+    }
+  }
 }
 
 TEST_F(TransferCommandTest, JsonTellsWhatWasCarried) {
@@ -181,7 +258,7 @@ TEST_F(TransferCommandTest, WrongUseIsExplained) {
                    "expected one of them");
   ExpectUsageError(
       Transfer({"--landmarks", labels, "-o", folder_.Path("a.npy")}),
-      "expected .txt for landmarks");
+      "expected .txt or .json or .fcsv or .csv for landmarks");
   ExpectUsageError(Transfer({"-o", y_}), "is a file that is read too");
   ExpectUsageError(Transfer({"-o", folder_.Path("none/a.obj")}),
                    "there is no folder");
