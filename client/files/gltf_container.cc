@@ -12,6 +12,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/strip.h"
+#include "client/files/json_limits.h"
 #include "client/files/text_file.h"
 
 namespace isomatch {
@@ -25,9 +26,9 @@ constexpr std::uint32_t kJsonChunk = 0x4E4F534A;
 constexpr std::uint32_t kBinaryChunk = 0x004E4942;
 
 // A node of a scene has some 30 values, and takes the reader some 2 kB.
-constexpr int kMostDepth = 64;
-constexpr std::int64_t kMostValues = std::int64_t{1} << 20;
-constexpr std::int64_t kMostObjects = std::int64_t{1} << 16;
+constexpr JsonLimits kLimits = {.depth = 64,
+                                .values = std::int64_t{1} << 20,
+                                .objects = std::int64_t{1} << 16};
 
 std::uint32_t NumberAt(absl::string_view bytes, std::size_t at) {
   std::uint32_t number = 0;
@@ -87,34 +88,14 @@ std::optional<MeshFault> OpenBinary(absl::string_view bytes,
 
 std::optional<MeshFault> ParseJson(absl::string_view text, std::size_t offset,
                                    Json* json) {
-  std::int64_t values = 0;
-  std::int64_t objects = 0;
-  bool is_deep = false;
-  const auto is_kept = [&](int depth, Json::parse_event_t event, Json&) {
-    using Event = Json::parse_event_t;
-    is_deep |= depth > kMostDepth;
-    objects += event == Event::object_start ? 1 : 0;
-    values += event == Event::value || event == Event::array_start ? 1 : 0;
-    return !is_deep && objects <= kMostObjects && values <= kMostValues;
-  };
-  try {
-    *json = Json::parse(text, is_kept);
-  } catch (const Json::parse_error& error) {
-    return FaultAt(
-        offset + error.byte,
-        absl::StrCat("not JSON, expected that of glTF (", error.what(), ")"));
-  } catch (const std::exception& error) {
-    return MeshFault{"", absl::StrCat("not JSON, expected that of glTF (",
-                                      error.what(), ")")};
+  if (const auto fault = CheckJsonText(text, kLimits)) {
+    const std::string what =
+        absl::StrCat(fault->what, ", expected a scene of glTF");
+    return fault->byte ? FaultAt(offset + *fault->byte, what)
+                       : MeshFault{"", what};
   }
-  if (!is_deep && objects <= kMostObjects && values <= kMostValues) {
-    return std::nullopt;
-  }
-  return MeshFault{
-      "", absl::StrCat("the JSON has ", objects, " objects and ", values,
-                       " values", is_deep ? " and is deep" : "",
-                       ", expected a scene of at most ", kMostObjects, ", ",
-                       kMostValues, " and a depth of ", kMostDepth)};
+  *json = Json::parse(text, /*cb=*/nullptr, /*allow_exceptions=*/false);
+  return std::nullopt;
 }
 
 std::optional<MeshFault> CheckExtensions(const Json& json) {

@@ -2,6 +2,7 @@
 
 #include <cassert>
 #include <cstddef>
+#include <limits>
 #include <unordered_map>
 #include <utility>
 
@@ -11,6 +12,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "client/files/input_file.h"
+#include "client/files/json_limits.h"
 #include "client/files/map_parser.h"
 #include "client/files/npy_file.h"
 #include "client/files/text_file.h"
@@ -164,24 +166,19 @@ absl::Status JsonError(const std::string& path, const std::string& what) {
 
 absl::Status ParseJson(const std::string& path, absl::string_view text,
                        Json* json) {
-  // A map's is 1; what is deeper is left out, since a library that walks it
-  // would use up the stack.
-  constexpr int kMostDepth = 8;
-  const auto is_kept = [](int depth, Json::parse_event_t, Json&) {
-    return depth <= kMostDepth;
-  };
-  std::string why;
-  try {
-    *json = Json::parse(text, is_kept);
-    return absl::OkStatus();
-  } catch (const Json::parse_error& error) {
-    why = absl::StrCat("byte ", error.byte, ": not JSON (", error.what());
-  } catch (const Json::exception& error) {
-    why = absl::StrCat("not JSON (", error.what());
+  // A map has one object, an array and as many numbers as the text holds.
+  const JsonLimits limits = {.depth = 8,
+                             .values = std::numeric_limits<std::int64_t>::max(),
+                             .objects = 1000};
+  if (const auto fault = CheckJsonText(text, limits)) {
+    return JsonError(
+        path,
+        absl::StrCat(
+            fault->byte ? absl::StrCat("byte ", *fault->byte, ": ") : "",
+            fault->what, ", expected a map as `isomatch match` writes it"));
   }
-  return JsonError(
-      path,
-      absl::StrCat(why, "), expected a map as `isomatch match` writes it"));
+  *json = Json::parse(text, /*cb=*/nullptr, /*allow_exceptions=*/false);
+  return absl::OkStatus();
 }
 
 // For errors: a number or a word as it stands, cut; of others, which may be

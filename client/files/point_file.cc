@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cstddef>
-#include <exception>
 #include <initializer_list>
 #include <optional>
 #include <utility>
@@ -16,6 +15,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "client/files/input_file.h"
+#include "client/files/json_limits.h"
 #include "client/files/text_file.h"
 #include "client/files/word_cursor.h"
 #include "core/base/status_macros.h"
@@ -79,20 +79,14 @@ absl::Status AddControlPoint(const std::string& path, const PointJson& json,
 
 absl::StatusOr<PointFile> ParseMarkups(const std::string& path,
                                        absl::string_view text) {
-  constexpr int kMostDepth = 16;
-  PointJson json;
-  try {
-    json =
-        PointJson::parse(text, [](int depth, PointJson::parse_event_t,
-                                  PointJson&) { return depth <= kMostDepth; });
-  } catch (const PointJson::parse_error& error) {
+  if (const auto fault = CheckJsonText(text, {})) {
     return PointsError(
-        path, absl::StrCat("byte ", error.byte, ": not JSON (", error.what(),
-                           "), expected ", kPoints));
-  } catch (const std::exception& error) {
-    return PointsError(path, absl::StrCat("not JSON (", error.what(),
-                                          "), expected ", kPoints));
+        path, absl::StrCat(
+                  fault->byte ? absl::StrCat("byte ", *fault->byte, ": ") : "",
+                  fault->what, ", expected ", kPoints));
   }
+  const PointJson json =
+      PointJson::parse(text, /*cb=*/nullptr, /*allow_exceptions=*/false);
   const auto markups = json.is_object() ? json.find("markups") : json.end();
   if (markups == json.end() || !markups->is_array() || markups->empty() ||
       !markups->front().is_object()) {

@@ -315,10 +315,10 @@ TEST_F(GltfReaderTest, HostileFilesCostLittle) {
   ExpectRefused("a.gltf",
                 "{\"extras\":" + std::string(100'000, '[') +
                     std::string(100'000, ']') + "}",
-                "is deep");
+                "the JSON is deeper than 64, expected");
   std::string nodes = "{\"nodes\":[{}";
   for (int i = 0; i < 100'000; ++i) nodes += ",{}";
-  ExpectRefused("a.gltf", nodes + "]}", "the JSON has");
+  ExpectRefused("a.gltf", nodes + "]}", "the JSON has more objects than 65536");
   // A buffer that is copied a thousand times.
   Scene scene = Square();
   std::string binary = scene.Binary();

@@ -13,6 +13,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
 #include "client/files/mesh_file.h"
+#include "tests/client/files/gzip.h"
 #include "tests/server/test_server.h"
 #include "tests/support/hostile_draco.h"
 #include "tests/support/matchers.h"
@@ -80,11 +81,34 @@ TEST(HostileMeshFilesTest, TheClientRefusesEach) {
       "property list int int vertex_indices\nend_header\n"
       "0 0 0\n1 0 0\n0 1 0\n2000000000 0 1 2\n";
   const std::string stl = std::string(80, ' ') + std::string(4, '\xff');
+  const std::string gltf =
+      "{\"asset\":{\"version\":\"2.0\"},\"accessors\":[{\"componentType\":5126,"
+      "\"count\":2000000000,\"type\":\"VEC3\"}],\"meshes\":[{\"primitives\":[{"
+      "\"attributes\":{\"POSITION\":0}}]}]}";
+  const std::string deep = std::string(1'000'000, '[');
+  std::string objects = "{\"materials\":[{}";
+  for (int i = 0; i < 200'000; ++i) objects += ",{}";
+  const std::string vtk =
+      "# vtk DataFile Version 3.0\n\nBINARY\nDATASET POLYDATA\n"
+      "POINTS 2000000000 double\n";
+  const std::string vtp =
+      "<VTKFile type=\"PolyData\" "
+      "compressor=\"vtkZLibDataCompressor\"><PolyData>"
+      "<Piece NumberOfPoints=\"2000000000\"><Points><DataArray "
+      "type=\"Float32\" "
+      "format=\"binary\">AQAAAADYzE0AAAAACAAAAA==eJxjYAAA</DataArray></Points>"
+      "</Piece></PolyData></VTKFile>";
+  const std::string member = Gzip(std::string(64 * kMiB, '\n'));
+  std::string bomb;
+  for (int i = 0; i < 40; ++i) bomb += member;
   const TemporaryFolder folder;
   for (const auto& [name, bytes] :
        {std::pair("huge.ply", ply), std::pair("list.ply", list),
         std::pair("huge.off", std::string("OFF\n2000000000 1 0\n0 0 0\n")),
-        std::pair("huge.stl", stl),
+        std::pair("huge.stl", stl), std::pair("huge.gltf", gltf),
+        std::pair("deep.gltf", deep), std::pair("objects.gltf", objects + "]}"),
+        std::pair("huge.vtk", vtk), std::pair("bomb.vtp", vtp),
+        std::pair("bomb.off.gz", bomb),
         std::pair("index.obj", std::string("v 0 0 0\nf 1 2 2000000000\n"))}) {
     const std::string path = folder.Write(name, bytes);
     Measure(name, bytes.size(), [&] {

@@ -79,8 +79,12 @@ TEST_F(MapFileTest, JsonThatIsNoMapIsRefused) {
   // Deeper than the stack is.
   constexpr std::size_t kDepth = 200'000;
   const std::string deep = std::string(kDepth, '[') + std::string(kDepth, ']');
-  EXPECT_THAT(read(deep, "4"), Refused("version is array, expected 1"));
-  EXPECT_THAT(read("1", deep), Refused("y_from_x[0] is array, expected"));
+  EXPECT_THAT(read(deep, "4"), Refused("the JSON is deeper than 8"));
+  EXPECT_THAT(read("1", deep), Refused("the JSON is deeper than 8"));
+  // Each object took as long as all before it.
+  std::string objects = "{}";
+  for (int i = 0; i < 300'000; ++i) objects += ",{}";
+  EXPECT_THAT(read("1", objects), Refused("has more objects than 1000"));
 }
 
 TEST_F(MapFileTest, AMapForOtherMeshesIsRefused) {

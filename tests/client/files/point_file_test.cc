@@ -103,7 +103,8 @@ TEST_F(PointFileTest, WrongFilesSayWhere) {
                 "{\"markups\": [{\"coordinateSystem\": 7, "
                 "\"controlPoints\": []}]}",
                 "the coordinate system is '7'");
-  ExpectRefused("a.json", std::string(100'000, '['), "not JSON");
+  ExpectRefused("a.json", std::string(100'000, '['),
+                "the JSON is deeper than 64");
 }
 
 }  // namespace
