@@ -82,9 +82,14 @@ std::optional<MeshFault> FindElements(const Model& model, int number,
   }
   const auto& view =
       model.bufferViews[static_cast<std::size_t>(accessor.bufferView)];
-  const auto element = static_cast<std::size_t>(
-      components * isomatch_tinygltf::GetComponentSizeInBytes(
-                       static_cast<std::uint32_t>(accessor.componentType)));
+  const int component_bytes = isomatch_tinygltf::GetComponentSizeInBytes(
+      static_cast<std::uint32_t>(accessor.componentType));
+  if (component_bytes <= 0) {
+    return refuse(absl::StrCat("its componentType is ", accessor.componentType,
+                               ", expected one of glTF, as 5126"));
+  }
+  const std::size_t element = static_cast<std::size_t>(components) *
+                              static_cast<std::size_t>(component_bytes);
   const std::size_t stride = view.byteStride == 0 ? element : view.byteStride;
   if (accessor.count == 0 || stride < element ||
       accessor.byteOffset > bytes.size() ||

@@ -3,15 +3,18 @@
 #undef TINYGLTF_IMPLEMENTATION
 
 #include <cstddef>
+#include <cstdint>
 #include <exception>
 #include <filesystem>
 #include <system_error>
 #include <vector>
 
+#include "absl/status/statusor.h"
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "client/files/gltf_container.h"
+#include "client/files/input_file.h"
 #include "client/files/text_file.h"
 
 namespace isomatch {
@@ -24,7 +27,9 @@ struct Neighbors {
   /// Canonical; empty for none.
   std::string folder;
   /// Which was asked for and must not be read.
-  std::string refused;
+  std::string refused = {};
+  /// Of all that were read: buffers may name one file again and again.
+  std::int64_t total_bytes = 0;
 };
 
 bool NeighborExists(const std::string& path, void* data) {
@@ -40,11 +45,21 @@ bool NeighborExists(const std::string& path, void* data) {
   return false;
 }
 
-bool ReadNeighbor(std::vector<unsigned char>* bytes, std::string* error,
-                  const std::string& path, void*) {
-  const auto read = ReadFile(path, "a buffer of glTF");
+bool ReadNeighbor(std::vector<unsigned char>* bytes, std::string* fault,
+                  const std::string& path, void* data) {
+  auto* const neighbors = static_cast<Neighbors*>(data);
+  std::error_code error;
+  const auto size = static_cast<std::int64_t>(fs::file_size(path, error));
+  neighbors->total_bytes += size;
+  if (error || size > MostUnpackedBytes() ||
+      neighbors->total_bytes > MostUnpackedBytes()) {
+    *fault = absl::StrCat("its files are too large, expected at most ",
+                          MostUnpackedBytes(), " bytes");
+    return false;
+  }
+  const absl::StatusOr<std::string> read = ReadFile(path, "a buffer of glTF");
   if (!read.ok()) {
-    *error = std::string(read.status().message());
+    *fault = std::string(read.status().message());
     return false;
   }
   bytes->assign(read->begin(), read->end());

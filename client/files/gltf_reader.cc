@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <limits>
 #include <map>
+#include <numeric>
 #include <utility>
 #include <vector>
 
@@ -282,20 +283,21 @@ class GltfReader {
 
   std::optional<MeshFault> Indices(const Primitive& primitive,
                                    std::size_t points,
-                                   std::vector<std::uint32_t>* indices) const {
-    if (primitive.indices < 0) {
-      for (std::size_t i = 0; i < points; ++i) {
-        indices->push_back(static_cast<std::uint32_t>(i));
-      }
-      return std::nullopt;
-    }
+                                   std::vector<std::uint32_t>* indices) {
     GltfElements found;
-    if (auto fault = FindElements(model_, primitive.indices, {"indices", 1, 1},
-                                  &found)) {
-      return fault;
+    found.count = points;
+    if (primitive.indices >= 0) {
+      if (auto fault = FindElements(model_, primitive.indices,
+                                    {"indices", 1, 1}, &found)) {
+        return fault;
+      }
     }
-    if (auto fault = CheckRoom(soup_->corners.size(), found.count, 1)) {
-      return fault;
+    if (auto fault = CheckRoom(taken_indices_, found.count, 1)) return fault;
+    taken_indices_ += found.count;
+    if (primitive.indices < 0) {
+      indices->resize(points);
+      std::iota(indices->begin(), indices->end(), 0u);
+      return std::nullopt;
     }
     for (std::size_t i = 0; i < found.count; ++i) {
       const double index = found.At(i, 0);
@@ -475,6 +477,8 @@ class GltfReader {
   /// Of the file and its buffers.
   std::size_t total_bytes_ = 0;
   std::size_t image_bytes_ = 0;
+  /// Of all primitives, also for triangles that are dropped.
+  std::size_t taken_indices_ = 0;
   /// Of the coordinates of an accessor.
   std::map<int, std::size_t> first_row_;
   std::map<int, int> image_of_source_;

@@ -71,15 +71,16 @@ class ByteSource {
       } while (value == -3);
       if (value == -1) return false;
     }
-    const int padding =
-        static_cast<int>(std::count(values.begin(), values.end(), -2));
+    const auto padding = std::count(values.begin(), values.end(), -2);
+    if (padding > 2) return false;
     std::uint32_t group = 0;
     for (const int value : values) {
       group = group << 6 | static_cast<std::uint32_t>(std::max(value, 0));
     }
-    for (int i = 0; i < 3 - padding; ++i) {
-      held_ += static_cast<char>(group >> (16 - 8 * i) & 0xff);
-    }
+    const std::array<char, 3> bytes = {static_cast<char>(group >> 16 & 0xff),
+                                       static_cast<char>(group >> 8 & 0xff),
+                                       static_cast<char>(group & 0xff)};
+    held_.append(bytes.data(), static_cast<std::size_t>(3 - padding));
     return true;
   }
 

@@ -335,6 +335,16 @@ TEST_F(GltfReaderTest, HostileFilesCostLittle) {
                               static_cast<std::uint32_t>(text.size())}),
                    "JSON", text),
       "buffer 1 (0-based): there is no uri");
+  // Triangles that are dropped are counted, too.
+  Scene strips = Square();
+  Json strip = FirstPrimitive(strips);
+  strip["mode"] = 5;
+  strip["indices"] =
+      strips.Add(std::string(60'000, '\0'), kGltfByte, 60'000, "SCALAR");
+  for (int i = 0; i < 1000; ++i) {
+    strips.json["meshes"][0]["primitives"].push_back(strip);
+  }
+  ExpectRefused("a.glb", strips.Binary(), "its meshes are placed so often");
   // One mesh in many places.
   Scene many;
   many.Add(std::string(12 * 1000, '\0'), kGltfFloat, 1000, "VEC3");
