@@ -134,7 +134,7 @@ TEST_F(CommandLineTest, OutputsThatWouldHoldSomethingElseAreRefused) {
   refused({"view", "x", "y", "m", "--png", "a.jpg"},
           "--png 'a.jpg': the extension is '.jpg', expected .png");
   refused({"view", "x", "y", "m", "-o", "a.pdf"}, "expected .html");
-  refused({"transfer", "x", "y", "m", "-o", "a.stl"}, ".obj or .ply");
+  refused({"transfer", "x", "y", "m", "-o", "a.stl"}, ".obj or .glb or .ply");
   refused(
       {"sample", "-o", "a.off", "--truth", "t.npy", "--truth-from", "A:300"},
       "--truth 't.npy'");
@@ -308,7 +308,8 @@ TEST_F(CommandLineTest, WrongUsageExitsWith2) {
   ExpectUsageError({"sample", "--truth", truth_, "-o", a_}, "belong together");
   ExpectUsageError({"sample", "--truth", truth_, "--truth-from", "A", "-o", a_},
                    "expected POSE:VERTICES");
-  ExpectUsageError({"sample", "-o", folder_.Path("a.stl")}, ".off or .ply");
+  ExpectUsageError({"sample", "-o", folder_.Path("a.stl")},
+                   ".off, .ply or .glb");
   EXPECT_EQ(folder_.CountFiles(), 4);
 }
 

@@ -75,6 +75,20 @@ TEST_F(LandmarkPointsTest, PointsGoToTheNearestPlace) {
               HasSubstr(absl::StrCat("landmarks on X: ", points.size())));
 }
 
+TEST_F(LandmarkPointsTest, TheNearestPlaceNeedNotBeAtTheNearestVertex) {
+  // A point over the middle of a large face, beside a small one.
+  TriangleMesh mesh = {Positions(6, 3), Faces(2, 3)};
+  mesh.positions << -10, -10, 0, 10, -10, 0, 0, 20, 0,  //
+      0.8, 0, 0.5, 0.9, 0, 0.5, 0.8, 0.1, 0.5;
+  mesh.faces << 0, 1, 2, 3, 4, 5;
+  const auto snapped =
+      ReadSnappedPoints(folder_.Write("p.txt", "0.5 -1 0.25\n"), mesh, "X");
+  ASSERT_THAT(snapped, IsOk());
+  EXPECT_EQ(snapped->points[0].place.face, 0);
+  EXPECT_NEAR(snapped->points[0].distance, 0.25, 1e-12);
+  EXPECT_EQ(snapped->points[0].vertex, 1);
+}
+
 TEST_F(LandmarkPointsTest, FarPointsAreNamedAndAbsurdOnesRefused) {
   const Eigen::RowVector3d at = mesh_.positions.row(0);
   const auto line = [&](double away, const std::string& label) {
