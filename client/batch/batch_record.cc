@@ -1,5 +1,7 @@
 #include "client/batch/batch_record.h"
 
+#include <filesystem>
+#include <system_error>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -23,6 +25,15 @@ absl::StatusOr<std::string> HashOf(const std::string& path,
   return Sha256Hex(bytes);
 }
 
+/// Where `path` is from `folder`, which stays true when both are moved.
+std::string RelativePath(const std::string& path, const std::string& folder) {
+  namespace fs = std::filesystem;
+  std::error_code error;
+  const fs::path relative = fs::relative(path, folder, error);
+  return relative.empty() ? fs::absolute(path, error).string()
+                          : relative.string();
+}
+
 std::string FileText(const std::string& path) {
   return ReadFile(path, "a result").value_or("");
 }
@@ -36,6 +47,8 @@ absl::StatusOr<BatchRecord> BatchRecord::Make(const std::string& folder,
   BatchRecord record;
   record.parts_ = parts;
   record.stem_ = absl::StrCat(folder, "/", pair.name);
+  record.x_ = RelativePath(pair.x, folder);
+  record.y_ = RelativePath(pair.y, folder);
   ISOMATCH_ASSIGN_OR_RETURN(const std::string x, HashOf(pair.x, "a mesh"));
   ISOMATCH_ASSIGN_OR_RETURN(const std::string y, HashOf(pair.y, "a mesh"));
   ISOMATCH_ASSIGN_OR_RETURN(std::string landmarks,
@@ -84,7 +97,9 @@ absl::Status BatchRecord::Save(const MatchResult& result,
   const std::string map = FormatMap(result.y_from_x);
   ISOMATCH_RETURN_IF_ERROR(WriteFileAtomically(map_path(), map));
   report_ = Json::parse(FormatReport(result, warnings));
-  report_["batch"] = {{"fingerprint", fingerprint_},
+  report_["batch"] = {{"x", x_},
+                      {"y", y_},
+                      {"fingerprint", fingerprint_},
                       {"map_sha256", Sha256Hex(map)}};
   for (const auto& [key, path] : PartPaths()) {
     const bool is_precise = path == precise_path();
@@ -120,7 +135,11 @@ absl::Status BatchRecord::SaveError(const BatchError& error) {
 
 absl::Status BatchRecord::WriteReport() const {
   constexpr int kIndent = 2;
-  return WriteFileAtomically(report_path(), report_.dump(kIndent) + "\n");
+  // Paths need not be UTF-8.
+  return WriteFileAtomically(report_path(),
+                             report_.dump(kIndent, ' ', /*ensure_ascii=*/false,
+                                          Json::error_handler_t::replace) +
+                                 "\n");
 }
 
 }  // namespace isomatch

@@ -29,8 +29,9 @@ struct BatchParts {
 };
 
 /// What a batch has of one pair on disk: NAME.txt, the map, the files of its
-/// parts, and NAME.json, the report of `match` with an object `batch`.
-/// NAME.json is written last, so a pair that has it is done.
+/// parts, and NAME.json, the report of `match` with an object `batch`, which
+/// has the meshes' paths from the folder as `x` and `y`. NAME.json is written
+/// last, so a pair that has it is done.
 class BatchRecord {
  public:
   /// The record of `pair` in `folder`. `options` is a text of everything that
@@ -68,6 +69,9 @@ class BatchRecord {
   std::vector<std::pair<std::string, std::string>> PartPaths() const;
 
   std::string stem_;
+  /// The meshes' paths, from the folder.
+  std::string x_;
+  std::string y_;
   BatchParts parts_;
   /// SHA-256 of what the map is made from, and of the truth ("" for none).
   std::string fingerprint_;
