@@ -1,4 +1,4 @@
-// Makes one HTML template of src/ and the packages: node build.js OUTPUT.
+// Makes HTML templates of src/ and the packages: node build.js PAIR.html FOLDER.html.
 import {readFileSync, writeFileSync} from 'node:fs';
 import {createRequire} from 'node:module';
 import {dirname, join} from 'node:path';
@@ -30,11 +30,20 @@ const notices = ['three', 'three-mesh-bvh'].map((name) =>
 notices.push('Draco decoder\n\nCopyright The Draco Authors, Apache License, Version 2.0');
 const notice = `/*!\nThis page contains:\n\n${notices.join('\n\n')}\n*/\n`;
 
-const parts = {
+/** Writes the page `name`.html with its script and style in it. */
+async function writePage(output, name, parts) {
+  let page = readFileSync(join(here, 'src', `${name}.html`), 'utf8');
+  for (const [mark, text] of Object.entries(parts)) page = page.replace(mark, () => text);
+  writeFileSync(output, page);
+}
+
+const [pairOutput, folderOutput] = process.argv.slice(2);
+await writePage(pairOutput, 'page', {
   '/*STYLE*/': await bundle('style.css'),
   '/*DRACO*/': inScript(notice + draco),
   '/*SCRIPT*/': inScript(await bundle('main.js')),
-};
-let page = readFileSync(join(here, 'src', 'page.html'), 'utf8');
-for (const [mark, text] of Object.entries(parts)) page = page.replace(mark, () => text);
-writeFileSync(process.argv[2], page);
+});
+await writePage(folderOutput, 'folder', {
+  '/*STYLE*/': await bundle('folder.css'),
+  '/*SCRIPT*/': inScript(await bundle('folder.js')),
+});

@@ -13,6 +13,7 @@
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
+#include "client/viewer/explanations.h"
 #include "core/base/status_macros.h"
 #include "core/io/draco_mesh.h"
 
@@ -109,16 +110,52 @@ Json PreciseJson(const PairView& view) {
           {"weights", Base64(absl::MakeConstSpan(weights))}};
 }
 
+/// Rows that stand above the shapes, not in the table "Quality".
+constexpr std::pair<const char*, const char*> kVerdictRows[] = {
+    {"verdict", "level"}, {"because", "reason"}, {"what to do", "advice"}};
+
+const char* VerdictField(absl::string_view label) {
+  for (const auto& [row, field] : kVerdictRows) {
+    if (label == row) return field;
+  }
+  return nullptr;
+}
+
 Json FiguresJson(const std::vector<FigureTable>& figures) {
   Json tables = Json::array();
   for (const FigureTable& figure : figures) {
     Json rows = Json::array();
     for (const auto& [label, value] : figure.rows) {
-      rows.push_back(Json::array({label, value}));
+      if (VerdictField(label) == nullptr) {
+        rows.push_back(Json::array({label, value}));
+      }
     }
+    if (rows.empty()) continue;
     tables.push_back({{"title", figure.title}, {"rows", std::move(rows)}});
   }
   return tables;
+}
+
+Json VerdictJson(const std::vector<FigureTable>& figures) {
+  Json verdict = {{"level", ""}, {"reason", ""}, {"advice", ""}};
+  for (const FigureTable& figure : figures) {
+    for (const auto& [label, value] : figure.rows) {
+      if (const char* field = VerdictField(label)) verdict[field] = value;
+    }
+  }
+  return verdict["level"] == "" ? Json() : verdict;
+}
+
+/// Of the labels that do not explain themselves.
+Json ExplanationsJson(const std::vector<FigureTable>& figures) {
+  Json texts = Json::object();
+  for (const FigureTable& figure : figures) {
+    for (const auto& [label, value] : figure.rows) {
+      const absl::string_view text = Explanation(label);
+      if (!text.empty()) texts[label] = std::string(text);
+    }
+  }
+  return texts;
 }
 
 std::string Summary(const PairView& view) {
@@ -126,12 +163,12 @@ std::string Summary(const PairView& view) {
                       ").");
 }
 
+}  // namespace
+
 std::string EscapeHtml(absl::string_view text) {
   return absl::StrReplaceAll(
       text, {{"&", "&amp;"}, {"<", "&lt;"}, {">", "&gt;"}, {"\"", "&quot;"}});
 }
-
-}  // namespace
 
 absl::StatusOr<std::string> FormatPageData(const PairView& view,
                                            const PageStart& start) {
@@ -149,7 +186,9 @@ absl::StatusOr<std::string> FormatPageData(const PairView& view,
                      {"summary", Summary(view)},
                      {"layer", start.layer},
                      {"pattern", start.pattern},
+                     {"verdict", VerdictJson(view.figures)},
                      {"figures", FiguresJson(view.figures)},
+                     {"explanations", ExplanationsJson(view.figures)},
                      {"warnings", view.warnings},
                      {"rotation", rotation},
                      {"x", std::move(x)},
@@ -164,15 +203,19 @@ absl::StatusOr<std::string> FormatPageData(const PairView& view,
       {{"<", "\\u003c"}});
 }
 
+std::string PageWithData(absl::string_view title, absl::string_view data) {
+  std::string page = absl::StrReplaceAll(
+      PageTemplate(),
+      {{"<!--TITLE-->", EscapeHtml(title)}, {"<!--PAIR-->", data}});
+  assert(page.size() > PageTemplate().size());
+  return page;
+}
+
 absl::StatusOr<std::string> FormatPage(const PairView& view,
                                        const PageStart& start) {
   ISOMATCH_ASSIGN_OR_RETURN(const std::string data,
                             FormatPageData(view, start));
-  std::string page = absl::StrReplaceAll(
-      PageTemplate(),
-      {{"<!--TITLE-->", EscapeHtml(view.title)}, {"<!--PAIR-->", data}});
-  assert(page.size() > PageTemplate().size());
-  return page;
+  return PageWithData(view.title, data);
 }
 
 }  // namespace isomatch

@@ -19,10 +19,14 @@ struct PageStart {
 /// The page without its data, built by client/viewer/build.js; in the binary.
 absl::string_view PageTemplate();
 
+/// Returns a text as HTML shows it, in elements and in quoted attributes.
+std::string EscapeHtml(absl::string_view text);
+
 /// Returns what the page's script reads (src/pair.js), as JSON:
 ///
 /// - `title`, `summary`, `layer` and `pattern` (shown first), `figures`,
-///   `warnings`;
+///   `warnings`; `verdict` (`level`, `reason`, `advice`), null where no figure
+///   is called so; `explanations` of figures, by label;
 /// - `x`, `y`: `name`, `vertices`, `faces`, `draco` (NormalizedPositions, 16
 /// bits
 ///   a coordinate), `order` ("id" or "decoded", see core/io/draco_mesh.h);
@@ -37,6 +41,9 @@ absl::string_view PageTemplate();
 /// Bytes are base64. INTERNAL when Draco refuses a mesh.
 absl::StatusOr<std::string> FormatPageData(const PairView& view,
                                            const PageStart& start);
+
+/// Returns the page about what FormatPageData returned.
+std::string PageWithData(absl::string_view title, absl::string_view data);
 
 /// Returns the whole page, one HTML document that asks nothing of the network.
 absl::StatusOr<std::string> FormatPage(const PairView& view,

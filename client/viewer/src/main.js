@@ -1,83 +1,64 @@
 // Puts the page together. What it gets is written by client/viewer/page.cc.
 import wasm from 'three/examples/jsm/libs/draco/draco_decoder.wasm';
-import {element, histogram, list, short, showScale, table} from './panels.js';
+import {Chooser} from './chooser.js';
+import {byId, element} from './element.js';
+import {letEscapeHideTips, list, table, verdict} from './figures.js';
+import {Morph} from './morph.js';
+import {count, percent} from './numbers.js';
+import {Overlay} from './overlay.js';
 import {readPair} from './pair.js';
+import {histogram, short, showScale} from './panels.js';
+import {carriedToX, placesOfY} from './pattern_places.js';
+import {PinPanel} from './pin_panel.js';
+import {isEmbedded, save} from './save.js';
+import {screenshot} from './screenshot.js';
 import {Stage} from './stage.js';
 import {Surface} from './surface.js';
-
-/** Stripes along the longest side of Y's box. */
-const STRIPES = 10;
-/** More vertices than these are counted, not named. */
-const NAMED = 8;
-
-const byId = (id) => document.getElementById(id);
-const count = (number) => number.toLocaleString('en').replaceAll(',', '\u202f');
-
-/** Y's own positions in stripes, the longest side of its box being x. */
-function placesOfY({positions}) {
-  const low = [Infinity, Infinity, Infinity];
-  const high = [-Infinity, -Infinity, -Infinity];
-  positions.forEach((value, i) => {
-    low[i % 3] = Math.min(low[i % 3], value);
-    high[i % 3] = Math.max(high[i % 3], value);
-  });
-  const extents = low.map((value, axis) => high[axis] - value);
-  const longest = extents.indexOf(Math.max(...extents));
-  const places = new Float32Array(positions.length);
-  for (let i = 0; i < places.length; i += 3) {
-    for (let axis = 0; axis < 3; ++axis) {
-      const from = (longest + axis) % 3;
-      places[i + axis] = STRIPES * (positions[i + from] - low[from]) / extents[longest];
-    }
-  }
-  return places;
-}
-
-/** X's vertices take the places of their images. */
-function placesOfX({yFromX, places: onY}, placesY) {
-  const places = new Float32Array(3 * yFromX.length);
-  yFromX.forEach((y, x) => {
-    if (y >= 0) places.set(onY.of(placesY, x), 3 * x);
-  });
-  return places;
-}
 
 class Viewer {
   constructor(pair) {
     this.pair = pair;
     const placesY = placesOfY(pair.meshes.y);
-    const ratio = Math.min(2, globalThis.devicePixelRatio);
     this.surfaces = {
-      x: new Surface(pair.meshes.x, pair.rotation, placesOfX(pair, placesY), ratio),
-      y: new Surface(pair.meshes.y, pair.rotation, placesY, ratio),
+      x: new Surface(pair.meshes.x, pair.rotation, carriedToX(pair, placesY)),
+      y: new Surface(pair.meshes.y, pair.rotation, placesY),
     };
-    this.stage = new Stage(byId('canvas'), {x: byId('pane-x'), y: byId('pane-y')},
-        this.surfaces, (side, vertex) => this.choose(side, vertex));
+    const overlay = new Overlay(byId('marks'));
+    this.stage = new Stage({
+      canvas: byId('canvas'), overlay, elements: {x: byId('pane-x'), y: byId('pane-y')},
+      surfaces: this.surfaces,
+      on: {
+        hover: (side, vertex) => this.chooser.choose(side, vertex),
+        click: (side, vertex) => this.pins.clicked(side, vertex),
+      },
+    });
+    const drawMarks = () => this.stage.drawMarks();
+    this.chooser = new Chooser(pair, this.surfaces, overlay, drawMarks);
+    this.pins = new PinPanel({pair, surfaces: this.surfaces, overlay, draw: drawMarks});
     this.listen();
     this.cover(pair.pattern);
     this.show(pair.layer);
   }
 
   listen() {
-    byId('layers').addEventListener('change', (event) => this.show(event.target.value));
-    byId('pattern').addEventListener('change', (event) => this.cover(event.target.value));
-    byId('linked').addEventListener('change', (event) => this.stage.link(event.target.checked));
-    byId('reset').addEventListener('click', () => this.stage.reset());
-    byId('picker').addEventListener('submit', (event) => event.preventDefault());
-    for (const side of ['x', 'y']) {
-      byId(`vertex-${side}`).addEventListener('input', ({target}) => {
-        const vertex = target.value === '' ? -1 : Number(target.value);
-        if (target.checkValidity()) this.choose(side, vertex);
-      });
-    }
+    const onChange = (id, act) =>
+        byId(id).addEventListener('change', ({target}) => act(target));
+    onChange('layers', ({value}) => this.show(value));
+    onChange('pattern', ({value}) => this.cover(value));
+    onChange('linked', ({checked}) => this.stage.link(checked));
+    onChange('wireframe', ({checked}) => this.stage.showEdges(checked));
+    onChange('one-finger', ({checked}) => this.stage.turnWithOneFinger(checked));
+    byId('morph').addEventListener('input', ({target}) => this.morphTo(Number(target.value)));
+    byId('reset').addEventListener('click', () => this.reset());
+    byId('screenshot').addEventListener('click', () => this.takePicture());
   }
 
   /** Colors both shapes by a layer, 'colors' being the map's own. */
   show(id) {
-    const layer = this.pair.layers.find((candidate) => candidate.id === id);
-    if (layer) this.paintLayer(layer); else this.paintMap();
-    showScale(layer);
-    byId('layer-text').textContent = layer ? layer.description :
+    this.layer = this.pair.layers.find((candidate) => candidate.id === id);
+    if (this.layer) this.paintLayer(this.layer); else this.paintMap();
+    showScale(this.layer);
+    byId('layer-text').textContent = this.layer ? this.layer.description :
         'Y is colored by place; each vertex of X has the color of its image. Gray: no image.';
     document.body.dataset.layer = id;
     this.stage.draw();
@@ -105,57 +86,38 @@ class Viewer {
     }
   }
 
-  /** Marks a vertex and what corresponds to it, and says so. */
-  choose(side, vertex) {
-    const {yFromX, xsOf} = this.pair;
-    let marks = {x: [], y: []};
-    if (vertex >= 0 && side === 'x') {
-      marks = {x: [vertex], y: yFromX[vertex] < 0 ? [] : [yFromX[vertex]]};
-    } else if (vertex >= 0) {
-      marks = {x: xsOf(vertex), y: [vertex]};
+  /** Shows X on its way to Y: 0 is X itself, 1 where the map puts it on Y. */
+  morphTo(part) {
+    const {pair} = this;
+    this.morph ??= new Morph(pair.meshes.x, carriedToX(pair, pair.meshes.y.positions),
+        Array.from(pair.yFromX, (y) => y >= 0));
+    this.surfaces.x.move((positions) => this.morph.at(part, positions));
+    byId('morph-text').textContent = percent(part);
+    document.body.dataset.morph = part;
+    this.stage.move();
+  }
+
+  reset() {
+    if (Number(byId('morph').value) !== 0) {
+      byId('morph').value = 0;
+      this.morphTo(0);
     }
-    this.surfaces.x.markPoints(marks.x);
-    // What X goes to may lie between vertices.
-    const {positions} = this.pair.meshes.y;
-    this.surfaces.y.markPlaces(side === 'x' && marks.y.length > 0 ?
-        this.pair.places.of(positions, vertex) :
-        marks.y.flatMap((y) => [...positions.subarray(3 * y, 3 * y + 3)]));
-    this.showNumbers(marks);
-    byId('found').textContent = vertex < 0 ? 'Point at a vertex, or type its number.' :
-        side === 'x' ? this.textOfX(vertex) : this.textOfY(vertex, marks.x);
-    this.stage.draw();
+    this.stage.reset();
   }
 
-  /** The fields have the marked vertices, when there is one; not while one types. */
-  showNumbers(marks) {
-    for (const side of ['x', 'y']) {
-      const field = byId(`vertex-${side}`);
-      if (field === document.activeElement) continue;
-      field.value = marks[side].length === 1 ? marks[side][0] : '';
-    }
-  }
-
-  textOfX(x) {
-    const y = this.pair.yFromX[x];
-    const values = this.pair.layers.map((layer) => [layer, layer.of('x', x)])
-        .filter(([, value]) => value !== null)
-        .map(([layer, value]) => ` \u00b7 ${layer.id} ${short(value, layer)}`);
-    const around = y < 0 ? [] : this.pair.places.around?.(x) ?? [];
-    const image = around.length < 2 ? `Y ${y}` : `between Y ${around
-        .map((corner) => `${corner.y} (${corner.weight.toFixed(2)})`).join(', ')}`;
-    return `X ${x} \u2192 ${y < 0 ? 'no vertex of Y' : image}${values.join('')}`;
-  }
-
-  textOfY(y, xs) {
-    if (xs.length === 0) return `Y ${y} \u2190 no vertex of X`;
-    const named = Array.from(xs.slice(0, NAMED)).join(', ');
-    const more = xs.length > NAMED ? ` and ${count(xs.length - NAMED)} more` : '';
-    return `Y ${y} \u2190 X ${named}${more}`;
+  async takePicture() {
+    const names = {x: `X  ${this.pair.x.name}`, y: `Y  ${this.pair.y.name}`};
+    const scale = this.layer ? {
+      layer: this.layer.label, low: short(this.layer.low, this.layer),
+      high: short(this.layer.high, this.layer), bar: byId('scale-bar'),
+    } : null;
+    await save('isomatch.png', await screenshot(this.stage, names, scale));
   }
 }
 
 function describe(pair) {
   byId('summary').textContent = pair.summary;
+  if (pair.verdict) byId('summary').after(verdict(pair.verdict, pair.explanations));
   for (const side of ['x', 'y']) {
     const {name, vertices, faces} = pair[side];
     const text = `${name}: ${count(vertices)} vertices, ${count(faces)} faces`;
@@ -172,16 +134,18 @@ function describe(pair) {
     byId('layers').append(element('label', {}, input, label));
   }
   byId('pattern').value = pair.pattern;
-  byId('figures').append(...pair.figures.map(table));
+  byId('figures').append(...pair.figures.map((figure) => table(figure, pair.explanations)));
   if (pair.warnings.length > 0) byId('figures').append(list('Warnings', pair.warnings));
 }
 
 async function start() {
+  document.body.classList.toggle('embedded', isEmbedded());
   const json = JSON.parse(byId('pair').textContent);
   describe(json);
+  letEscapeHideTips();
   const pair = await readPair(json, wasm);
   byId('histograms').append(...pair.layers.map(histogram));
-  new Viewer(pair);
+  await new Viewer(pair).stage.begin();
   byId('message').textContent = '';
   document.body.dataset.ready = 'true';
 }

@@ -1,13 +1,8 @@
-// What is written and drawn around the shapes.
+// Histograms and the scale of a layer.
+import {element} from './element.js';
+import {count, decimal, percent} from './numbers.js';
 
 const BINS = 48;
-
-export function element(name, attributes = {}, ...children) {
-  const made = document.createElement(name);
-  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
-  made.append(...children);
-  return made;
-}
 
 function svg(name, attributes, ...children) {
   const made = document.createElementNS('http://www.w3.org/2000/svg', name);
@@ -18,8 +13,7 @@ function svg(name, attributes, ...children) {
 
 /** A layer's number, to a thousandth of its scale. */
 export function short(number, {low, high}) {
-  const decimals = Math.max(0, 3 - Math.ceil(Math.log10(high - low)));
-  return Number(number.toFixed(decimals)).toString().replace('-', '\u2212');
+  return decimal(number, Math.max(0, 3 - Math.ceil(Math.log10(high - low))));
 }
 
 function valuesOf(layer) {
@@ -71,27 +65,13 @@ export function histogram(layer) {
       element('span', {}, `${values[0] < layer.low ? '\u2264 ' : ''}${number(layer.low)}`),
       element('span', {}, `${values.at(-1) > layer.high ? '\u2265 ' : ''}${number(layer.high)}`));
   const mean = values.reduce((sum, value) => sum + value, 0) / values.length;
-  const text = `${values.length.toLocaleString('en')} vertices of X: mean ${number(mean)}, ` +
-      `5\u202f% below ${number(quantile(values, 0.05))}, ` +
+  const text = `${count(values.length)} vertices of X: mean ${number(mean)}, ` +
+      `${percent(0.05)} below ${number(quantile(values, 0.05))}, ` +
       `half below ${number(quantile(values, 0.5))}, ` +
-      `95\u202f% below ${number(quantile(values, 0.95))}`;
+      `${percent(0.95)} below ${number(quantile(values, 0.95))}`;
   drawing.setAttribute('aria-label', `Histogram of ${layer.label}: ${text}`);
   return element('figure', {id: `histogram-${layer.id}`}, title, drawing, ends,
       element('figcaption', {}, `${text}. ${layer.description}`));
-}
-
-/** One table, its rows of label and value. */
-export function table({title, rows}) {
-  const made = element('table', {}, element('caption', {}, title));
-  for (const [label, value] of rows) {
-    made.append(element('tr', {}, element('th', {scope: 'row'}, label), element('td', {}, value)));
-  }
-  return element('div', {}, made);
-}
-
-export function list(title, items) {
-  return element('div', {}, element('h2', {}, title),
-      element('ul', {}, ...items.map((item) => element('li', {}, item))));
 }
 
 /** The legend of a layer; without one, of none. */

@@ -1,102 +1,40 @@
 // Two panes on one canvas, each with a camera; both move together when linked.
-import {Matrix4, PerspectiveCamera, Raycaster, Spherical, Vector2, Vector3, WebGLRenderer} from 'three';
-import {OrbitControls} from 'three/examples/jsm/controls/OrbitControls.js';
+import {WebGLRenderer} from 'three';
+import {Pane} from './pane.js';
 
-const FIELD_OF_VIEW = 28;
-/** Where the viewer stands at first: a little to the side and above. */
-const TURN = 25 * Math.PI / 180;
-const RAISE = 10 * Math.PI / 180;
-const KEY_TURN = 5 * Math.PI / 180;
-const KEY_ZOOM = 1.1;
-const ROOM = 1.12;
-
-class Pane {
-  constructor(element, surface, onMove) {
-    this.element = element;
-    this.surface = surface;
-    this.camera = new PerspectiveCamera(FIELD_OF_VIEW, 1, 0.01, 100);
-    this.controls = new OrbitControls(this.camera, element);
-    this.controls.addEventListener('change', () => onMove(this));
-    element.addEventListener('keydown', (event) => this.pressed(event));
-  }
-
-  /** Puts the camera where it stands at first, so far away. */
-  reset(distance) {
-    this.controls.target.set(0, 0, 0);
-    this.camera.position.setFromSpherical(
-        new Spherical(distance, Math.PI / 2 - RAISE, TURN));
-    this.controls.update();
-  }
-
-  /** From how far all of the surface is seen at first. */
-  fittingDistance() {
-    const high = Math.tan(FIELD_OF_VIEW * Math.PI / 360) / ROOM;
-    const wide = high * this.aspect();
-    const toCamera = new Matrix4().makeRotationX(RAISE)
-        .multiply(new Matrix4().makeRotationY(-TURN))
-        .multiply(this.surface.mesh.matrixWorld);
-    const place = new Vector3();
-    let distance = 0;
-    for (let i = 0; i < this.surface.positions.length; i += 3) {
-      place.fromArray(this.surface.positions, i).applyMatrix4(toCamera);
-      distance = Math.max(distance, place.z + Math.abs(place.x) / wide,
-                          place.z + Math.abs(place.y) / high);
-    }
-    return distance;
-  }
-
-  isHidden() { return this.element.clientWidth === 0 || this.element.clientHeight === 0; }
-
-  aspect() { return this.element.clientWidth / this.element.clientHeight; }
-
-  follow(other) {
-    this.camera.position.copy(other.camera.position);
-    this.camera.quaternion.copy(other.camera.quaternion);
-    this.controls.target.copy(other.controls.target);
-  }
-
-  pressed(event) {
-    const turns = {ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1]};
-    const zoom = {'+': 1 / KEY_ZOOM, '=': 1 / KEY_ZOOM, '-': KEY_ZOOM}[event.key] ?? 1;
-    const [sideways, down] = turns[event.key] ?? [0, 0];
-    if (zoom === 1 && sideways === 0 && down === 0) return;
-    event.preventDefault();
-    const offset = this.camera.position.clone().sub(this.controls.target);
-    const place = new Spherical().setFromVector3(offset);
-    place.theta += KEY_TURN * sideways;
-    place.phi += KEY_TURN * down;
-    place.radius *= zoom;
-    offset.setFromSpherical(place.makeSafe());
-    this.camera.position.copy(this.controls.target).add(offset);
-    this.controls.update();
-  }
-
-  /** The surface's vertex under a pointer event; -1 for none. */
-  vertexAt(event) {
-    const box = this.element.getBoundingClientRect();
-    const pointer = new Vector2(2 * (event.clientX - box.left) / box.width - 1,
-                                1 - 2 * (event.clientY - box.top) / box.height);
-    const raycaster = new Raycaster();
-    raycaster.setFromCamera(pointer, this.camera);
-    return this.surface.vertexAt(raycaster);
-  }
-}
+/** What takes longer to draw is drawn coarse while it moves. */
+const SLOW_MILLISECONDS = 50;
+const LOOK_MILLISECONDS = 4;
+/** Fewer vertices are never so slow that it matters. */
+const FEW_VERTICES = 25_000;
+/** After the last move, all is drawn. */
+const REST_MILLISECONDS = 250;
+/** A press that moves farther is no click. */
+const CLICK_PIXELS = 5;
 
 export class Stage {
   /**
+   * @param canvas for the shapes
+   * @param overlay drawn over them
+   * @param elements {x, y}, the panes
    * @param surfaces {x, y}
-   * @param onHover called with 'x' or 'y' and a vertex, -1 for none
+   * @param on {hover, click}: called with 'x' or 'y' and a vertex, -1 for none
    */
-  constructor(canvas, elements, surfaces, onHover) {
+  constructor({canvas, overlay, elements, surfaces, on}) {
+    this.ratio = Math.min(2, globalThis.devicePixelRatio);
     this.renderer = new WebGLRenderer({canvas, antialias: true, alpha: true});
-    this.renderer.setPixelRatio(Math.min(2, globalThis.devicePixelRatio));
+    this.renderer.setPixelRatio(this.ratio);
+    this.renderer.setClearAlpha(0);
     this.renderer.setScissorTest(true);
     this.renderer.autoClear = false;
     this.canvas = canvas;
+    this.overlay = overlay;
     this.linked = true;
+    this.edges = false;
     this.panes = ['x', 'y'].map((side) => {
-      const pane = new Pane(elements[side], surfaces[side], (moved) => this.moved(moved));
-      this.listen(pane, side, onHover);
+      const pane = new Pane(side, elements[side], surfaces[side], {
+        move: (moved) => this.moved(moved), hold: (held) => this.hold(held)});
+      this.listen(pane, on);
       return pane;
     });
     new ResizeObserver(() => this.resize()).observe(canvas);
@@ -104,23 +42,68 @@ export class Stage {
     this.resize();
   }
 
-  /** At most one question a frame, and none while the view is dragged. */
-  listen(pane, side, onHover) {
-    let last = null;
-    pane.element.addEventListener('pointermove', (event) => {
-      if (event.buttons !== 0) return;
-      if (!last) requestAnimationFrame(() => { onHover(side, pane.vertexAt(last)); last = null; });
-      last = event;
-    });
-    pane.element.addEventListener('pointerdown', (event) => {
-      pane.element.focus({preventScroll: true});
-      if (event.pointerType === 'touch') onHover(side, pane.vertexAt(event));
+  /** Draws, and finds out whether this machine needs long for all of both shapes. */
+  async begin() {
+    this.drawNow();
+    if (this.panes.reduce((sum, {surface}) => sum + surface.vertices, 0) < FEW_VERTICES) return;
+    await this.drawing();  // the shapes are copied, and all is compiled
+    const begin = performance.now();
+    this.drawNow();
+    await this.drawing();
+    this.slow = performance.now() - begin > SLOW_MILLISECONDS;
+  }
+
+  /** Resolves when what was asked for is drawn. */
+  drawing() {
+    const gl = this.renderer.getContext();
+    const fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+    gl.flush();
+    return new Promise((resolve) => {
+      const look = () => {
+        if (gl.getSyncParameter(fence, gl.SYNC_STATUS) !== gl.SIGNALED && !gl.isContextLost()) {
+          setTimeout(look, LOOK_MILLISECONDS);
+          return;
+        }
+        gl.deleteSync(fence);
+        resolve();
+      };
+      setTimeout(look);
     });
   }
+
+  /** At most one question a frame, and none while the view is dragged. */
+  listen({side, element}, on) {
+    let last = null;
+    const vertexAt = (event) => this.pane(side).vertexAt(event);
+    element.addEventListener('pointermove', (event) => {
+      if (event.buttons !== 0) return;
+      if (!last) requestAnimationFrame(() => { on.hover(side, vertexAt(last)); last = null; });
+      last = event;
+    });
+    let pressed = null;
+    element.addEventListener('pointerdown', (event) => {
+      element.focus({preventScroll: true});
+      pressed = event.button === 0 && event.isPrimary ? event : null;
+    });
+    element.addEventListener('pointercancel', () => { pressed = null; });
+    element.addEventListener('pointerup', (event) => {
+      const clicked = pressed && Math.hypot(event.clientX - pressed.clientX,
+          event.clientY - pressed.clientY) < CLICK_PIXELS;
+      pressed = null;
+      if (!clicked) return;
+      const vertex = vertexAt(event);
+      if (event.pointerType === 'touch') on.hover(side, vertex);
+      on.click(side, vertex);
+    });
+  }
+
+  pane(side) { return this.panes.find((pane) => pane.side === side); }
 
   reset() {
     const distance = Math.max(...this.panes.map((pane) => pane.fittingDistance()));
     for (const pane of this.panes) pane.reset(distance);
+    clearTimeout(this.timer);
+    this.moving = false;
     this.atStart = true;
     this.draw();
   }
@@ -130,24 +113,56 @@ export class Stage {
     if (linked) this.moved(this.panes[0]);
   }
 
+  turnWithOneFinger(all) {
+    for (const pane of this.panes) pane.turnWithOneFinger(all);
+  }
+
+  showEdges(edges) {
+    this.edges = edges;
+    this.draw();
+  }
+
   moved(pane) {
     this.atStart = false;
     if (this.linked) {
       for (const other of this.panes) if (other !== pane) other.follow(pane);
     }
+    this.move();
+  }
+
+  /** While it is held, what moves is drawn coarse, even if it rests. */
+  hold(held) {
+    this.held = held;
+    this.rest();
+  }
+
+  /** Something moves: draws in the next frame, coarse where this machine is slow. */
+  move() {
+    this.moving = true;
+    this.rest();
     this.draw();
+  }
+
+  rest() {
+    clearTimeout(this.timer);
+    if (this.held || !this.moving) return;
+    this.timer = setTimeout(() => { this.moving = false; this.draw(); }, REST_MILLISECONDS);
   }
 
   resize() {
     // Nothing fits a hidden pane, and OrbitControls never recovers from infinity.
     if (this.panes.some((pane) => pane.isHidden())) return;
-    this.renderer.setSize(this.canvas.clientWidth, this.canvas.clientHeight, false);
+    const {clientWidth, clientHeight} = this.canvas;
+    if (this.width === clientWidth && this.height === clientHeight) return;
+    Object.assign(this, {width: clientWidth, height: clientHeight});
+    this.renderer.setSize(clientWidth, clientHeight, false);
     for (const pane of this.panes) {
       pane.camera.aspect = pane.aspect();
       pane.camera.updateProjectionMatrix();
     }
     if (this.atStart) this.reset();
-    this.drawNow();
+    // A canvas of another size is empty; at first there are no colors yet.
+    if (this.hasDrawn) this.drawNow();
   }
 
   /** Draws in the next frame. */
@@ -156,15 +171,28 @@ export class Stage {
   }
 
   drawNow() {
+    cancelAnimationFrame(this.frame);
     this.frame = null;
+    this.hasDrawn = true;
+    this.isCoarse = Boolean(this.slow && this.moving);
+    document.body.dataset.drawn = this.isCoarse ? 'coarse' : 'fine';
     const all = this.canvas.getBoundingClientRect();
-    for (const {element, camera, surface} of this.panes) {
+    for (const pane of this.panes) {
+      const {element, camera, surface} = pane;
       const box = element.getBoundingClientRect();
       const area = [box.left - all.left, all.bottom - box.bottom, box.width, box.height];
+      surface.setCoarse(this.isCoarse);
+      surface.setEdges(this.edges, pane.pixelsOfUnit());
       this.renderer.setViewport(...area);
       this.renderer.setScissor(...area);
       this.renderer.clear();
       this.renderer.render(surface.scene, camera);
     }
+    this.drawMarks();
+  }
+
+  /** Draws the marks again, over the shapes as they are. */
+  drawMarks() {
+    this.overlay.draw(this.panes, this.ratio, !this.isCoarse);
   }
 }

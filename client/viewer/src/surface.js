@@ -1,87 +1,40 @@
-// One shape: its geometry, colors and the marks on it.
+// One shape: its geometry, also coarse for while it moves, its colors and edges.
 import {
   BufferAttribute, BufferGeometry, DoubleSide, DynamicDrawUsage, Matrix4, Mesh,
-  Points, Scene, ShaderMaterial, Vector3,
+  Ray, Scene, Vector3,
 } from 'three';
 import {MeshBVH} from 'three-mesh-bvh';
+import {coarseFaces} from './coarse.js';
+import {edgeMaterial, setPattern, surfaceMaterial} from './shaders.js';
 
 /** Of a vertex without an image or a value. */
 const GRAY = [158, 158, 158];
-const MARK_PIXELS = 15;
-/** Their numbers are the shader's. */
-const PATTERNS = ['plain', 'stripes', 'checker'];
+/** Vertices that are drawn while the shape moves, where all take too long. */
+const COARSE_VERTICES = 8_000;
+/** A ray that ends at a place on the surface may stop so far before it. */
+const NEAR = 0.004;
 
-const vertexShader = `
-  attribute vec3 tint;
-  attribute vec3 place;
-  varying vec3 vTint;
-  varying vec3 vPlace;
-  varying vec3 vNormal;
-  void main() {
-    vTint = tint;
-    vPlace = place;
-    vNormal = normalMatrix * normal;
-    gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0);
-  }`;
-
-// Light from above the viewer's left shoulder. client/viewer/picture.cc lights and
-// patterns the same way.
-const fragmentShader = `
-  uniform int pattern;
-  varying vec3 vTint;
-  varying vec3 vPlace;
-  varying vec3 vNormal;
-  float band(float t) {
-    float wave = abs(fract(t) - 0.5) - 0.25;
-    return smoothstep(-1.0, 1.0, wave / max(fwidth(t), 1e-4));
-  }
-  void main() {
-    vec3 n = normalize(vNormal);
-    if (!gl_FrontFacing) n = -n;
-    float diffuse = max(dot(n, normalize(vec3(-0.35, 0.5, 1.0))), 0.0);
-    float gloss = pow(max(dot(n, normalize(vec3(-0.18, 0.26, 1.0))), 0.0), 40.0);
-    vec3 tint = vTint;
-    if (pattern == 1) tint *= mix(0.55, 1.0, band(vPlace.x));
-    if (pattern == 2) {
-      vec3 b = vec3(band(vPlace.x), band(vPlace.y), band(vPlace.z)) * 2.0 - 1.0;
-      tint *= mix(0.55, 1.0, 0.5 + 0.5 * b.x * b.y * b.z);
+/** Writes unit normals of vertices: means over faces, weighted by area. */
+function computeNormals(positions, faces, normals) {
+  normals.fill(0);
+  for (let i = 0; i < faces.length; i += 3) {
+    const [a, b, c] = [3 * faces[i], 3 * faces[i + 1], 3 * faces[i + 2]];
+    const ux = positions[b] - positions[a], vx = positions[c] - positions[a];
+    const uy = positions[b + 1] - positions[a + 1], vy = positions[c + 1] - positions[a + 1];
+    const uz = positions[b + 2] - positions[a + 2], vz = positions[c + 2] - positions[a + 2];
+    const nx = uy * vz - uz * vy, ny = uz * vx - ux * vz, nz = ux * vy - uy * vx;
+    for (const v of [a, b, c]) {
+      normals[v] += nx;
+      normals[v + 1] += ny;
+      normals[v + 2] += nz;
     }
-    gl_FragColor = vec4(tint * (0.45 + 0.55 * diffuse) + 0.08 * gloss, 1.0);
-  }`;
-
-const markVertexShader = `
-  uniform float size;
-  void main() {
-    gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0);
-    gl_PointSize = size;
-  }`;
-
-const markFragmentShader = `
-  uniform float opacity;
-  void main() {
-    float r = 2.0 * length(gl_PointCoord - 0.5);
-    if (r > 1.0) discard;
-    gl_FragColor = vec4(vec3(r > 0.72 || r < 0.3 ? 0.0 : 1.0), opacity);
-  }`;
-
-function surfaceMaterial() {
-  return new ShaderMaterial({
-    vertexShader, fragmentShader, side: DoubleSide,
-    uniforms: {pattern: {value: 0}},
-    // Marks lie on the surface and must win.
-    polygonOffset: true, polygonOffsetFactor: 2, polygonOffsetUnits: 2,
-  });
-}
-
-/** Marks behind the surface shine through it faintly. */
-function marksOf(geometry, opacity, depthTest, pixelRatio) {
-  const marks = new Points(geometry, new ShaderMaterial({
-    vertexShader: markVertexShader, fragmentShader: markFragmentShader,
-    uniforms: {opacity: {value: opacity}, size: {value: MARK_PIXELS * pixelRatio}},
-    transparent: true, depthTest, depthWrite: false,
-  }));
-  marks.frustumCulled = false;
-  return marks;
+  }
+  for (let v = 0; v < normals.length; v += 3) {
+    const length = Math.hypot(normals[v], normals[v + 1], normals[v + 2]) || 1;
+    normals[v] /= length;
+    normals[v + 1] /= length;
+    normals[v + 2] /= length;
+  }
 }
 
 export class Surface {
@@ -90,26 +43,42 @@ export class Surface {
    * @param rotation row-major 3 x 3, from the file's axes to right, up, viewer
    * @param places where the pattern puts each vertex, 3 numbers each
    */
-  constructor(mesh, rotation, places, pixelRatio) {
+  constructor(mesh, rotation, places) {
     this.positions = mesh.positions;
-    this.geometry = new BufferGeometry();
-    this.geometry.setAttribute('position', new BufferAttribute(mesh.positions, 3));
-    this.geometry.setAttribute('place', new BufferAttribute(places, 3));
-    this.tint = new BufferAttribute(new Uint8Array(mesh.positions.length), 3, true);
-    this.tint.setUsage(DynamicDrawUsage);
-    this.geometry.setAttribute('tint', this.tint);
-    this.geometry.setIndex(new BufferAttribute(mesh.faces, 1));
-    this.geometry.computeVertexNormals();
-    this.geometry.computeBoundingSphere();
+    this.faces = mesh.faces;
+    const normals = new Float32Array(mesh.positions.length);
+    computeNormals(this.positions, this.faces, normals);
+    this.attributes = {
+      position: new BufferAttribute(mesh.positions, 3),
+      normal: new BufferAttribute(normals, 3),
+      place: new BufferAttribute(places, 3),
+      tint: new BufferAttribute(new Uint8Array(mesh.positions.length), 3, true),
+    };
+    for (const name of ['position', 'normal', 'tint']) {
+      this.attributes[name].setUsage(DynamicDrawUsage);
+    }
+    this.fine = this.geometryOf(mesh.faces);
     this.material = surfaceMaterial();
-    this.mesh = new Mesh(this.geometry, this.material);
+    this.mesh = new Mesh(this.fine, this.material);
+    this.edges = new Mesh(this.fine, edgeMaterial());
+    this.edges.visible = false;
+    this.edges.renderOrder = 1;
     this.scene = new Scene();
-    this.scene.add(this.mesh);
-    this.markGeometry = new BufferGeometry();
-    this.markPoints(new Uint32Array());
-    this.scene.add(marksOf(this.markGeometry, 0.35, false, pixelRatio));
-    this.scene.add(marksOf(this.markGeometry, 1, true, pixelRatio));
+    for (const drawn of [this.mesh, this.edges]) {
+      drawn.frustumCulled = false;  // a morph leaves the box it began in
+      this.scene.add(drawn);
+    }
     this.turn(rotation);
+  }
+
+  /** All that is drawn has the same vertices. */
+  geometryOf(faces) {
+    const geometry = new BufferGeometry();
+    for (const [name, attribute] of Object.entries(this.attributes)) {
+      geometry.setAttribute(name, attribute);
+    }
+    geometry.setIndex(new BufferAttribute(faces, 1));
+    return geometry;
   }
 
   turn(r) {
@@ -120,39 +89,62 @@ export class Surface {
     this.scene.updateMatrixWorld(true);
   }
 
-  /** @param pattern one of PATTERNS */
-  setPattern(pattern) {
-    this.material.uniforms.pattern.value = PATTERNS.indexOf(pattern);
+  get vertices() { return this.positions.length / 3; }
+
+  /** Draws few of the faces, or all. */
+  setCoarse(coarse) {
+    if (coarse && this.vertices > 2 * COARSE_VERTICES) {
+      this.coarse ??= this.geometryOf(coarseFaces(this, COARSE_VERTICES));
+    }
+    const geometry = coarse && this.coarse ? this.coarse : this.fine;
+    this.mesh.geometry = geometry;
+    this.edges.geometry = geometry;
   }
+
+  /** @param pixels of a unit of length on the screen: dense edges are fainter */
+  setEdges(visible, pixels) {
+    this.edges.visible = visible;
+    // The area is 1, so an edge has about this length.
+    const length = pixels * Math.sqrt(2.3 / (this.edges.geometry.index.count / 3));
+    this.edges.material.uniforms.opacity.value = Math.min(0.65, 0.12 + 0.07 * length);
+  }
+
+  setPattern(pattern) { setPattern(this.material, pattern); }
 
   /** `colorOf(v)` returns three numbers to 255, or null for none. */
   paint(colorOf) {
-    const array = this.tint.array;
-    for (let v = 0; 3 * v < array.length; ++v) array.set(colorOf(v) ?? GRAY, 3 * v);
-    this.tint.needsUpdate = true;
+    const {tint} = this.attributes;
+    for (let v = 0; 3 * v < tint.array.length; ++v) tint.array.set(colorOf(v) ?? GRAY, 3 * v);
+    tint.needsUpdate = true;
   }
 
-  /** Marks these vertices and no others. */
-  markPoints(vertices) {
-    const places = new Float32Array(3 * vertices.length);
-    vertices.forEach((v, i) =>
-        places.set(this.positions.subarray(3 * v, 3 * v + 3), 3 * i));
-    this.markPlaces(places);
+  /** `write(positions)` puts the vertices elsewhere. */
+  move(write) {
+    write(this.positions);
+    computeNormals(this.positions, this.faces, this.attributes.normal.array);
+    this.attributes.position.needsUpdate = true;
+    this.attributes.normal.needsUpdate = true;
+    this.hasMoved = true;
   }
 
-  /** Marks these places, three numbers each, and no others. */
-  markPlaces(places) {
-    this.markGeometry.setAttribute('position',
-        new BufferAttribute(Float32Array.from(places), 3));
-    this.markGeometry.setDrawRange(0, places.length / 3);
+  placeOf(vertex) { return this.positions.subarray(3 * vertex, 3 * vertex + 3); }
+
+  /** For rays; made when it is first asked for. */
+  get tree() {
+    // `indirect` leaves the geometry's index as it is.
+    this.madeTree ??= new MeshBVH(this.fine, {indirect: true});
+    if (this.hasMoved) this.madeTree.refit();
+    this.hasMoved = false;
+    return this.madeTree;
+  }
+
+  inOwnAxes(point) {
+    return point.clone().applyMatrix4(this.mesh.matrixWorld.clone().invert());
   }
 
   /** The vertex next to where the ray meets the surface; -1 for none. */
   vertexAt(raycaster) {
-    // `indirect` leaves the geometry's index as it is.
-    this.tree ??= new MeshBVH(this.geometry, {indirect: true});
-    const ray = raycaster.ray.clone().applyMatrix4(
-        this.mesh.matrixWorld.clone().invert());
+    const ray = raycaster.ray.clone().applyMatrix4(this.mesh.matrixWorld.clone().invert());
     const hit = this.tree.raycastFirst(ray, DoubleSide);
     if (!hit) return -1;
     const corner = new Vector3();
@@ -163,5 +155,14 @@ export class Surface {
       if (distance < least) [nearest, least] = [v, distance];
     }
     return nearest;
+  }
+
+  /** Whether the surface hides a place on it, in its own axes, from the eye. */
+  hides(place, eye) {
+    const from = this.inOwnAxes(eye);
+    const direction = place.clone().sub(from);
+    const distance = direction.length();
+    const hit = this.tree.raycastFirst(new Ray(from, direction.normalize()), DoubleSide);
+    return hit !== null && hit.distance < distance - NEAR;
   }
 }

@@ -141,9 +141,22 @@ export class Page {
   }
 
   async press(key) {
-    const text = key.length === 1 ? key : undefined;
+    const text = key.length === 1 ? key : key === 'Enter' ? '\r' : undefined;
     await this.send('Input.dispatchKeyEvent', {type: 'keyDown', key, code: key, text});
     await this.send('Input.dispatchKeyEvent', {type: 'keyUp', key, code: key});
+    await this.drawn();
+  }
+
+  /** Fingers on the way from one place to another: [[from, to], ...], places {x, y}. */
+  async swipe(fingers, steps = 10) {
+    const at = (part) => fingers.map(([from, to], id) => ({id,
+      x: from.x + part * (to.x - from.x), y: from.y + part * (to.y - from.y)}));
+    await this.send('Input.dispatchTouchEvent', {type: 'touchStart', touchPoints: at(0)});
+    for (let i = 1; i <= steps; ++i) {
+      await this.send('Input.dispatchTouchEvent', {type: 'touchMove', touchPoints: at(i / steps)});
+      await this.drawn();
+    }
+    await this.send('Input.dispatchTouchEvent', {type: 'touchEnd', touchPoints: []});
     await this.drawn();
   }
 

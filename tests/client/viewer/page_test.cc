@@ -11,6 +11,7 @@
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/escaping.h"
+#include "client/viewer/folder_page.h"
 #include "core/io/draco_mesh.h"
 #include "tests/support/matchers.h"
 #include "tests/support/shapes.h"
@@ -142,6 +143,45 @@ TEST(PageDataTest, ALayerMayBeEmptyOrConstant) {
   view.layers[0].on_x.assign(view.y_from_x.size(), 0.5F);
   EXPECT_THAT(Unpacked<std::uint16_t>(Data(view)["layers"][0]["x"]),
               testing::Each(0));
+}
+
+TEST(PageDataTest, TheVerdictStandsAloneAndFiguresAreExplained) {
+  PairView view = SmallView();
+  EXPECT_TRUE(Data(view)["verdict"].is_null());
+  view.figures.push_back({"Quality",
+                          {{"verdict", "doubtful"},
+                           {"because", "why"},
+                           {"what to do", "look"},
+                           {"embedding error", "0.1"}}});
+  view.figures.push_back({"Only", {{"because", "a row of the verdict"}}});
+  const json data = Data(view);
+  EXPECT_EQ(data["verdict"]["level"], "doubtful");
+  EXPECT_EQ(data["verdict"]["advice"], "look");
+  ASSERT_EQ(data["figures"].size(), 2);  // no table without a row
+  EXPECT_EQ(data["figures"][1]["rows"].size(), 1);
+  EXPECT_TRUE(data["explanations"].contains("embedding error"));
+  EXPECT_TRUE(data["explanations"].contains("verdict"));
+  EXPECT_FALSE(data["explanations"].contains("because"));
+}
+
+TEST(FolderPageTest, HoldsItsEntriesAndThePageOfPairs) {
+  FolderEntry entry = {.name = "a__b",
+                       .x = "</script>",
+                       .verdict = "good",
+                       .figures = {{"coverage", 0.5}},
+                       .data = "{\"n\":1}"};
+  const std::string page = FormatFolderPage("a <b>", {entry, {.name = "c"}});
+  EXPECT_THAT(page, HasSubstr("<title>a &lt;b&gt;</title>"));
+  EXPECT_THAT(page, HasSubstr("id=\"data-0\">{\"n\":1}</script>"));
+  EXPECT_THAT(page, Not(HasSubstr("data-1")));
+  EXPECT_THAT(page, HasSubstr("\"x\":\"\\u003c/script>\""));
+  EXPECT_THAT(page, HasSubstr("\"coverage\":0.5"));
+  EXPECT_THAT(page, HasSubstr("DracoDecoderModule"));
+  const std::string before_script = page.substr(0, page.find("<script>"));
+  EXPECT_EQ(before_script.find("<!--"), std::string::npos);
+  // Without data there is nothing to make pages of.
+  entry.data.clear();
+  EXPECT_LT(FormatFolderPage("t", {entry}).size(), 100'000);
 }
 
 TEST(PageTest, IsWholeAndLoadsNothing) {

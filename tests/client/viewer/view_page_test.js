@@ -2,101 +2,35 @@
 //
 //   node view_page_test.js ISOMATCH FOLDER
 //
-// FOLDER gets the sample pair, the page and its screenshots. Exits with 77, which
-// CTest calls skipped, where there is no Chromium; with ISOMATCH_NEEDS_CHROMIUM
-// set, as scripts/test does after it installed one, that is a failure.
+// FOLDER gets the sample pair, the page and its screenshots.
 import assert from 'node:assert/strict';
 import {execFileSync} from 'node:child_process';
-import {mkdirSync, mkdtempSync, readFileSync, rmSync, statSync, writeFileSync} from 'node:fs';
-import {tmpdir} from 'node:os';
+import {readFileSync, statSync, writeFileSync} from 'node:fs';
 import {join} from 'node:path';
 import {pathToFileURL} from 'node:url';
-import {findChromium, Page} from './chromium.js';
+import {
+  away, difference, drawing, found, overPane, run, shapeBox, tints, withPage,
+} from './page_support.js';
 
-const SKIPPED = 77;
 const WINDOW = {width: 1400, height: 1000};
-/** Differences of a channel that antialiasing does not make. */
-const CLEARLY = 40;
-
 const [isomatch, folder] = process.argv.slice(2);
 const file = (name) => join(folder, name);
 
 function makePage() {
-  mkdirSync(folder, {recursive: true});
-  const run = (...args) => execFileSync(isomatch, args, {stdio: ['ignore', 'ignore', 'inherit']});
-  run('sample', '--pose', 'A', '--vertices', '3000', '-o', file('a.off'));
-  run('sample', '--pose', 'B', '--vertices', '2000', '-o', file('b.off'),
+  const isomatchRuns = (...args) => execFileSync(isomatch, args, {stdio: ['ignore', 'ignore', 'inherit']});
+  isomatchRuns('sample', '--pose', 'A', '--vertices', '3000', '-o', file('a.off'));
+  isomatchRuns('sample', '--pose', 'B', '--vertices', '2000', '-o', file('b.off'),
       '--truth-from', 'A:3000', '--truth', file('truth.txt'));
-  run('match', file('a.off'), file('b.off'), '-o', file('map.txt'), '--report', file('report.json'),
+  isomatchRuns('match', file('a.off'), file('b.off'), '-o', file('map.txt'), '--report', file('report.json'),
       '--confidence', file('confidence.txt'), '--precise', file('places.txt'), '--no-progress');
   // One vertex without an image.
   const map = readFileSync(file('map.txt'), 'utf8').trim().split('\n').map(Number);
   map[7] = -1;
   writeFileSync(file('map.txt'), `${map.join('\n')}\n`);
-  run('view', file('a.off'), file('b.off'), file('map.txt'), '-o', file('page.html'),
+  isomatchRuns('view', file('a.off'), file('b.off'), file('map.txt'), '-o', file('page.html'),
       '--confidence', file('confidence.txt'), '--truth', file('truth.txt'),
       '--report', file('report.json'));
   return map;
-}
-
-/** How many pixels differ clearly, and where their middle is. */
-function difference(a, b) {
-  let [changed, x, y] = [0, 0, 0];
-  for (let i = 0; i < a.rgb.length; i += 3) {
-    const most = Math.max(...[0, 1, 2].map((c) => Math.abs(a.rgb[i + c] - b.rgb[i + c])));
-    if (most < CLEARLY) continue;
-    ++changed;
-    x += (i / 3) % a.width;
-    y += Math.floor(i / 3 / a.width);
-  }
-  return {changed, x: x / changed, y: y / changed};
-}
-
-/** Pixels that are not of the first one's color, and how many colors there are. */
-function drawing({rgb}) {
-  const colors = new Set();
-  let covered = 0;
-  for (let i = 0; i < rgb.length; i += 3) {
-    colors.add(rgb.readUIntBE(i, 3));
-    if (rgb.compare(rgb, 0, 3, i, i + 3) !== 0) ++covered;
-  }
-  return {covered: 3 * covered / rgb.length, colors: colors.size};
-}
-
-/** How many tints there are, whatever their lightness; few pixels do not count. */
-function tints({rgb}) {
-  const counts = new Map();
-  for (let i = 0; i < rgb.length; i += 3) {
-    const [r, g, b] = rgb.subarray(i, i + 3);
-    const tint = `${Math.round(24 * r / (r + g + b))} ${Math.round(24 * g / (r + g + b))}`;
-    counts.set(tint, (counts.get(tint) ?? 0) + 1);
-  }
-  return [...counts.values()].filter((count) => count > 50).length;
-}
-
-const found = (page) => page.evaluate("document.getElementById('found').textContent");
-
-/** The drawing alone of a pane, without the name above and the focus around it. */
-async function shapeBox(page, side) {
-  const box = await page.box(`#pane-${side}`);
-  return {x: box.x + 8, y: box.y + 40, width: box.width - 16, height: box.height - 48};
-}
-
-/** Calls act(x, y) on a grid of points of a pane, until it returns true. */
-async function overPane(page, side, act) {
-  const box = await page.box(`#pane-${side}`);
-  for (let row = 3; row < 10; ++row) {
-    for (let column = 2; column < 15; ++column) {
-      if (await act(box.x + box.width * column / 16, box.y + box.height * row / 12)) return;
-    }
-  }
-}
-
-async function away(page) {
-  const {x, y, width} = await page.box('header');
-  await page.hover(x + width - 5, y + 5);
-  const pane = await page.box('#pane-x');
-  await page.hover(pane.x + 3, pane.y + pane.height - 3);
 }
 
 const checks = {
@@ -244,7 +178,7 @@ const checks = {
     assert.equal(await page.evaluate("document.querySelectorAll('#histograms svg').length"), 3);
     assert.ok(await page.evaluate("document.querySelectorAll('#histogram-distortion rect').length") > 20);
     const text = await page.evaluate("document.getElementById('figures').innerText");
-    assert.match(text, /vertices of X with an image\s+2999 of 3000/);
+    assert.match(text, /vertices of X with an image\s+2,999 of 3,000/);
     assert.ok(text.includes(`${report.total_seconds.toFixed(2)} s`), text);
     assert.match(text, /mean \/ diameter of Y\s+0\.0\d+/);
   },
@@ -297,13 +231,36 @@ async function openPrecise(page) {
 
 const LARGE = 60000;
 
+/** While it moves, few faces are drawn, which look much as all do; then all. */
+async function movesCoarse(page) {
+  const drawn = () => page.evaluate('document.body.dataset.drawn');
+  await page.until("document.body.dataset.drawn === 'fine'");
+  const {x, y, width, height} = await page.box('#pane-y');
+  const at = [x + width / 2, y + height / 2];
+  const fine = await page.pixels(await shapeBox(page, 'x'));
+  const held = {button: 'left', buttons: 1};
+  await page.mouse('mousePressed', ...at, {...held, clickCount: 1});
+  await page.mouse('mouseMoved', at[0] + 3, at[1], held);
+  await page.mouse('mouseMoved', ...at, held);
+  await page.drawn();
+  assert.equal(await drawn(), 'coarse');
+  const coarse = await page.pixels(await shapeBox(page, 'x'));
+  const {changed} = difference(fine, coarse);
+  const {covered} = drawing(fine);
+  assert.ok(changed > 0 && changed < 0.15 * covered * fine.rgb.length / 3, `${changed} pixels differ`);
+  await page.mouse('mouseReleased', ...at, {button: 'left', clickCount: 1});
+  await page.until("document.body.dataset.drawn === 'fine'");
+  await page.drawn();
+  assert.equal(difference(fine, await page.pixels(await shapeBox(page, 'x'))).changed, 0);
+}
+
 /** Draws a page of two large shapes, mapped by their truth; prints how long it took. */
 async function openLarge(page) {
-  const run = (...args) => execFileSync(isomatch, args, {stdio: ['ignore', 'ignore', 'inherit']});
-  run('sample', '--pose', 'A', '--vertices', `${LARGE}`, '-o', file('large_a.ply'));
-  run('sample', '--pose', 'B', '--vertices', `${LARGE}`, '-o', file('large_b.ply'),
+  const isomatchRuns = (...args) => execFileSync(isomatch, args, {stdio: ['ignore', 'ignore', 'inherit']});
+  isomatchRuns('sample', '--pose', 'A', '--vertices', `${LARGE}`, '-o', file('large_a.ply'));
+  isomatchRuns('sample', '--pose', 'B', '--vertices', `${LARGE}`, '-o', file('large_b.ply'),
       '--truth-from', `A:${LARGE}`, '--truth', file('large_map.txt'));
-  run('view', file('large_a.ply'), file('large_b.ply'), file('large_map.txt'), '-o',
+  isomatchRuns('view', file('large_a.ply'), file('large_b.ply'), file('large_map.txt'), '-o',
       file('large.html'));
   const begin = Date.now();
   await page.send('Page.navigate', {url: pathToFileURL(file('large.html')).href});
@@ -317,43 +274,20 @@ async function openLarge(page) {
     assert.ok(covered > 0.08 && covered < 0.8, `${side} covers ${covered}`);
     assert.ok(colors > 1000, `${side} has ${colors} colors`);
   }
+  await movesCoarse(page);
   assert.deepEqual(page.problems, []);
 }
 
-async function main() {
-  const chromium = findChromium();
-  if (!chromium) {
-    const needed = process.env.ISOMATCH_NEEDS_CHROMIUM;
-    console.log(`${needed ? 'FAILED' : 'Skipped'}: no chromium in PATH; scripts/test installs it.`);
-    return needed ? 1 : SKIPPED;
-  }
+process.exit(await withPage(folder, WINDOW, async (page) => {
   const map = makePage();
-  const profile = mkdtempSync(join(tmpdir(), 'isomatch_page_'));
-  const page = await Page.open(chromium, profile, WINDOW);
-  let failed = 0;
-  try {
-    const address = pathToFileURL(file('page.html')).href;
-    await page.send('Page.navigate', {url: address});
-    await page.until("document.body?.dataset.ready === 'true'");
-    await page.drawn();
-    writeFileSync(file('page.png'), Buffer.from(await page.screenshot(), 'base64'));
-    const all = {
-      ...checks,
-      'a precise map is shown where it is': ({page}) => openPrecise(page),
-      'a large page opens': ({page}) => openLarge(page),
-    };
-    for (const [name, check] of Object.entries(all)) {
-      await check({page, map, address}).then(() => console.log(`ok: ${name}`), (error) => {
-        ++failed;
-        console.log(`FAILED: ${name}\n${error.stack}`);
-      });
-    }
-    if (failed > 0) console.log('Problems of the page:', page.problems);
-  } finally {
-    await page.close();
-    rmSync(profile, {recursive: true, force: true});
-  }
-  return failed > 0 ? 1 : 0;
-}
-
-process.exit(await main());
+  const address = pathToFileURL(file('page.html')).href;
+  await page.send('Page.navigate', {url: address});
+  await page.until("document.body?.dataset.ready === 'true'");
+  await page.drawn();
+  writeFileSync(file('page.png'), Buffer.from(await page.screenshot(), 'base64'));
+  return run({
+    ...checks,
+    'a precise map is shown where it is': ({page}) => openPrecise(page),
+    'a large page opens, and moves coarse': ({page}) => openLarge(page),
+  }, {page, map, address});
+}));
