@@ -1,6 +1,5 @@
 #include <filesystem>
 #include <memory>
-#include <optional>
 #include <string>
 #include <system_error>
 #include <utility>
@@ -16,17 +15,11 @@
 #include "client/cli/command_support.h"
 #include "client/cli/commands.h"
 #include "client/cli/option_support.h"
-#include "client/files/map_file.h"
-#include "client/files/mesh_file.h"
-#include "client/files/mesh_input.h"
-#include "client/files/place_file.h"
+#include "client/cli/page_opener.h"
+#include "client/cli/view_folder.h"
+#include "client/cli/view_pair.h"
 #include "client/files/text_file.h"
-#include "client/files/vertex_colors.h"
-#include "client/job/map_errors.h"
-#include "client/job/part_files.h"
 #include "client/picture/image.h"
-#include "client/viewer/figures.h"
-#include "client/viewer/layers.h"
 #include "client/viewer/page.h"
 #include "client/viewer/picture.h"
 #include "core/base/status_macros.h"
@@ -45,10 +38,21 @@ Y, and the colors are not jagged. Other layers are the distortion, the confidenc
 `isomatch match --confidence` and the error against a ground truth; pointing at a
 vertex shows its partners.
 
+In the page one pins pairs of vertices and exports them for `match --landmarks`,
+moves X onto Y by a slider, shows edges, and saves what is seen.
+
+With a FOLDER that `isomatch batch` wrote, the page lists its pairs and opens each.
+Where they take more than 64 MB, or with --separate-pages, they have pages of their
+own in PAGE_pairs beside it.
+
+Without --output and --png the page is written to a temporary folder and opened by
+xdg-open where there is a display.
+
 A picture has X on the left and Y on the right. Both may be written at once.
 
 Examples:
-  isomatch view X.off Y.off map.txt -o report.html
+  isomatch view X.off Y.off map.txt
+  isomatch view maps -o maps.html
   isomatch view X.off Y.off map.txt -o report.html --report report.json \
     --confidence confidence.txt --truth truth.txt
   isomatch view X.off Y.off map.txt --png picture.png --pattern checker
@@ -59,35 +63,31 @@ Examples:
 constexpr char kColors[] = "colors";
 
 struct ViewArguments {
-  std::string x;
-  std::string y;
-  std::string map;
+  /// x alone, a folder, when y and map are empty.
+  ViewFiles files;
   std::string page;
   std::string picture;
   std::string size = "1600x800";
   std::string layer = kColors;
   std::string pattern = "plain";
-  std::string up;
-  std::string confidence;
-  std::string truth;
-  std::string report;
-  std::string title;
-  std::string weld;
-  bool file_colors = false;
+  bool separate_pages = false;
   bool json = false;
 };
 
+bool IsFolder(const ViewArguments& arguments) {
+  return arguments.files.y.empty();
+}
+
 absl::Status CheckOutputs(const ViewArguments& arguments) {
-  if (arguments.page.empty() && arguments.picture.empty()) {
-    return absl::InvalidArgumentError(
-        "nothing to write, expected --output PAGE.html or --png PICTURE.png");
-  }
   ISOMATCH_RETURN_IF_ERROR(
       CheckExtension("--output", arguments.page, {".html", ".htm", ""}));
   ISOMATCH_RETURN_IF_ERROR(
       CheckExtension("--png", arguments.picture, {".png", ""}));
   for (const std::string& path : {arguments.page, arguments.picture}) {
     if (!path.empty()) ISOMATCH_RETURN_IF_ERROR(CheckOutputFile(path));
+  }
+  if (arguments.page.empty() || arguments.picture.empty()) {
+    return absl::OkStatus();
   }
   std::error_code error;
   if (fs::weakly_canonical(arguments.page, error) !=
@@ -99,17 +99,53 @@ absl::Status CheckOutputs(const ViewArguments& arguments) {
                    "': is the file of --output too, expected another"));
 }
 
+/// What X alone stands for, and the options that a folder has not.
+absl::Status CheckInputs(const ViewArguments& arguments) {
+  const ViewFiles& files = arguments.files;
+  if (!IsFolder(arguments)) {
+    if (files.map.empty()) {
+      return absl::InvalidArgumentError(
+          "MAP: is missing, expected X Y MAP or one FOLDER");
+    }
+    if (!arguments.separate_pages) return absl::OkStatus();
+    return absl::InvalidArgumentError(
+        "--separate-pages: is for a folder, not for one pair");
+  }
+  std::error_code error;
+  if (!fs::is_directory(files.x, error)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("'", files.x,
+                     "': is no folder, expected X Y MAP or one FOLDER that "
+                     "`isomatch batch` wrote"));
+  }
+  for (const auto& [option, is_given] :
+       {std::pair("--png", !arguments.picture.empty()),
+        std::pair("--confidence", !files.confidence.empty()),
+        std::pair("--truth", !files.truth.empty()),
+        std::pair("--report", !files.report.empty()),
+        std::pair("--file-colors", files.file_colors),
+        std::pair("--layer error", arguments.layer == "error")}) {
+    if (is_given) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(option, ": is for one pair, not for a folder"));
+    }
+  }
+  return absl::OkStatus();
+}
+
 absl::Status CheckLayer(const ViewArguments& arguments) {
-  if (arguments.file_colors &&
-      (!arguments.page.empty() || arguments.layer != kColors)) {
+  if (IsFolder(arguments)) return absl::OkStatus();
+  if (arguments.files.file_colors &&
+      (!arguments.page.empty() || arguments.picture.empty() ||
+       arguments.layer != kColors)) {
     return absl::InvalidArgumentError(
         "--file-colors: is for --png alone, without --output and --layer");
   }
-  if (arguments.layer == "confidence" && arguments.confidence.empty()) {
+  if (arguments.layer == "confidence" && arguments.files.confidence.empty()) {
     return absl::InvalidArgumentError(
         "--layer confidence: needs --confidence FILE");
   }
-  if (arguments.layer == "error" && arguments.truth.empty()) {
+  if (arguments.layer == "error" && arguments.files.truth.empty()) {
     return absl::InvalidArgumentError("--layer error: needs --truth FILE");
   }
   return absl::OkStatus();
@@ -133,120 +169,6 @@ absl::StatusOr<PictureOptions> ParsePictureOptions(
   if (arguments.pattern == "stripes") options.pattern = Pattern::kStripes;
   if (arguments.pattern == "checker") options.pattern = Pattern::kChecker;
   return options;
-}
-
-std::optional<int> UpAxis(const std::string& up) {
-  if (up.empty()) return std::nullopt;
-  return up[0] - 'x';
-}
-
-/// Long work is told to a person who waits.
-void Say(const Terminal& terminal, const std::string& what) {
-  if (terminal.is_interactive) {
-    terminal.err << "isomatch: " << what << std::endl;
-  }
-}
-
-/// Reads a mesh into `view`, with its warnings.
-absl::StatusOr<LoadedMesh> LoadShown(const std::string& path,
-                                     const std::string& field,
-                                     const std::string& weld, NamedMesh& shown,
-                                     PairView& view) {
-  ISOMATCH_ASSIGN_OR_RETURN(LoadedMesh loaded, LoadMeshFile(path, field, weld));
-  for (const std::string& warning : loaded.warnings) {
-    view.warnings.push_back(absl::StrCat(field, ": ", warning));
-  }
-  shown = {fs::path(path).filename().string(), loaded.WithFileFaces()};
-  return loaded;
-}
-
-absl::Status AddError(const ViewArguments& arguments, const Terminal& terminal,
-                      const MappedPair& pair, const TriangleMesh& welded_y,
-                      PairView& view) {
-  Say(terminal, absl::StrCat("measuring geodesic errors of ",
-                             pair.mesh_x.num_vertices(), " vertices"));
-  ISOMATCH_ASSIGN_OR_RETURN(
-      const MapErrors errors,
-      MeasureAgainstTruth({pair.y_from_x, pair.precise, &pair.mesh_y.faces},
-                          welded_y, arguments.truth, terminal.stop));
-  view.layers.push_back(ErrorLayer(pair, errors.direct));
-  view.figures.push_back(ErrorFigures(errors.direct, errors.mirrored));
-  return absl::OkStatus();
-}
-
-absl::Status AddReport(const std::string& path, PairView& view) {
-  ISOMATCH_ASSIGN_OR_RETURN(
-      const std::string bytes,
-      ReadFile(path, "a report that `isomatch match --report` wrote"));
-  ISOMATCH_ASSIGN_OR_RETURN(ReportFigures report,
-                            ParseReport(path, bytes, view.x.mesh.num_vertices(),
-                                        view.y.mesh.num_vertices()));
-  view.figures.insert(view.figures.end(), report.tables.begin(),
-                      report.tables.end());
-  // They repeat the meshes' warnings.
-  view.warnings = std::move(report.warnings);
-  return absl::OkStatus();
-}
-
-absl::StatusOr<std::vector<Rgb>> FileColors(const std::string& path,
-                                            const std::string& field,
-                                            const LoadedMesh& loaded) {
-  ISOMATCH_RETURN_IF_ERROR(loaded.colors.status());
-  const std::optional<Colors>& colors = *loaded.colors;
-  if (!colors) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(field, ": '", path,
-                     "' has no vertex colors, which --file-colors shows"));
-  }
-  std::vector<Rgb> bytes;
-  for (Eigen::Index v = 0; v < colors->rows(); ++v) {
-    bytes.push_back(ColorBytes(colors->row(v)));
-  }
-  return bytes;
-}
-
-/// Reads and measures all that is shown.
-absl::StatusOr<PairView> Load(const ViewArguments& arguments,
-                              const Terminal& terminal) {
-  PairView view;
-  ISOMATCH_ASSIGN_OR_RETURN(
-      const LoadedMesh x,
-      LoadShown(arguments.x, "X", arguments.weld, view.x, view));
-  ISOMATCH_ASSIGN_OR_RETURN(
-      const LoadedMesh y,
-      LoadShown(arguments.y, "Y", arguments.weld, view.y, view));
-  const TriangleMesh& mesh_x = view.x.mesh;
-  const TriangleMesh& mesh_y = view.y.mesh;
-  ISOMATCH_ASSIGN_OR_RETURN(
-      PlacesOnY places,
-      ReadPlaces(arguments.map, mesh_x.num_vertices(), mesh_y));
-  view.y_from_x = places.HeaviestVertices();
-  view.precise = std::move(places.on_faces);
-  view.title = arguments.title.empty()
-                   ? absl::StrCat(view.x.name, " \u2192 ", view.y.name)
-                   : arguments.title;
-  view.colors_y = PositionRgb(mesh_y.positions);
-  if (arguments.file_colors) {
-    ISOMATCH_ASSIGN_OR_RETURN(view.colors_x, FileColors(arguments.x, "X", x));
-    ISOMATCH_ASSIGN_OR_RETURN(view.colors_y, FileColors(arguments.y, "Y", y));
-  }
-  view.rotation = ViewRotation(mesh_x, mesh_y, UpAxis(arguments.up));
-  if (!arguments.report.empty()) {
-    ISOMATCH_RETURN_IF_ERROR(AddReport(arguments.report, view));
-  }
-  const MappedPair pair = {mesh_x, mesh_y, view.y_from_x, view.precise};
-  view.layers.push_back(DistortionLayer(pair));
-  if (!arguments.confidence.empty()) {
-    ISOMATCH_ASSIGN_OR_RETURN(
-        std::vector<float> confidence,
-        ReadConfidence(arguments.confidence, mesh_x.num_vertices()));
-    view.layers.push_back(ConfidenceLayer(pair, std::move(confidence)));
-  }
-  if (!arguments.truth.empty()) {
-    ISOMATCH_RETURN_IF_ERROR(AddError(arguments, terminal, pair, y.mesh, view));
-  }
-  view.figures.insert(view.figures.begin(), MapFigures(view));
-  return view;
 }
 
 /// What was written and what it shows, for machines.
@@ -299,17 +221,76 @@ absl::Status WritePicture(const PairView& view, const PictureOptions& options,
   return WriteFileAtomically(arguments.picture, png);
 }
 
-absl::Status RunView(const ViewArguments& arguments, const Terminal& terminal) {
-  ISOMATCH_RETURN_IF_ERROR(CheckOutputs(arguments));
-  ISOMATCH_RETURN_IF_ERROR(CheckLayer(arguments));
+absl::Status ViewPair(const ViewArguments& arguments,
+                      const Terminal& terminal) {
   ISOMATCH_ASSIGN_OR_RETURN(const PictureOptions options,
                             ParsePictureOptions(arguments));
-  ISOMATCH_ASSIGN_OR_RETURN(const PairView view, Load(arguments, terminal));
+  ISOMATCH_ASSIGN_OR_RETURN(const PairView view,
+                            LoadPairView(arguments.files, terminal));
   ISOMATCH_RETURN_IF_ERROR(WritePage(view, arguments));
   ISOMATCH_RETURN_IF_ERROR(WritePicture(view, options, arguments));
   if (arguments.json) return PrintJson(Summary(view, arguments), terminal);
   return arguments.picture.empty() ? absl::OkStatus()
                                    : TellScale(view, arguments, terminal);
+}
+
+absl::Status ViewFolder(const ViewArguments& arguments,
+                        const Terminal& terminal) {
+  const ViewFiles& files = arguments.files;
+  FolderViewOptions options = {.folder = files.x,
+                               .page = arguments.page,
+                               .title = files.title,
+                               .up = files.up,
+                               .weld = files.weld,
+                               .start = {arguments.layer, arguments.pattern}};
+  if (arguments.separate_pages) options.embedded_bytes = 0;
+  ISOMATCH_ASSIGN_OR_RETURN(const FolderViewOutcome outcome,
+                            WriteFolderPage(options, terminal));
+  if (!arguments.json) {
+    Warn(outcome.failures, terminal);
+    return absl::OkStatus();
+  }
+  const nlohmann::ordered_json pages =
+      outcome.pages.empty() ? nlohmann::ordered_json()
+                            : nlohmann::ordered_json(outcome.pages);
+  return PrintJson({{"page", arguments.page},
+                    {"pages", pages},
+                    {"pairs", outcome.pairs},
+                    {"failures", outcome.failures}},
+                   terminal);
+}
+
+/// The page's path where the user gives none.
+absl::StatusOr<std::string> TemporaryPage(const ViewFiles& files) {
+  ISOMATCH_ASSIGN_OR_RETURN(const std::string folder, MakeTemporaryFolder());
+  std::error_code error;
+  const fs::path x = fs::weakly_canonical(files.x, error);
+  const fs::path y = files.y;
+  const std::string name =
+      files.y.empty()
+          ? x.filename().string()
+          : absl::StrCat(x.stem().string(), "__", y.stem().string());
+  return (fs::path(folder) / (name + ".html")).string();
+}
+
+absl::Status RunView(ViewArguments arguments, const Terminal& terminal) {
+  ISOMATCH_RETURN_IF_ERROR(CheckInputs(arguments));
+  ISOMATCH_RETURN_IF_ERROR(CheckLayer(arguments));
+  ISOMATCH_RETURN_IF_ERROR(CheckOutputs(arguments));
+  const bool opens = arguments.page.empty() && arguments.picture.empty();
+  if (opens) {
+    ISOMATCH_ASSIGN_OR_RETURN(arguments.page, TemporaryPage(arguments.files));
+  }
+  const absl::Status shown = IsFolder(arguments)
+                                 ? ViewFolder(arguments, terminal)
+                                 : ViewPair(arguments, terminal);
+  if (!opens) return shown;
+  if (!shown.ok()) {
+    std::error_code error;
+    fs::remove_all(fs::path(arguments.page).parent_path(), error);
+    return shown;
+  }
+  return arguments.json ? absl::OkStatus() : OpenPage(arguments.page, terminal);
 }
 
 void AddAppearance(CLI::App& command, ViewArguments& arguments) {
@@ -321,10 +302,10 @@ void AddAppearance(CLI::App& command, ViewArguments& arguments) {
                                 "What is drawn on Y and carried to X"),
              "PATTERN", {"plain", "stripes", "checker"})
       ->capture_default_str();
-  command.add_flag("--file-colors", arguments.file_colors,
+  command.add_flag("--file-colors", arguments.files.file_colors,
                    "In the picture: the vertex colors that the files of X and "
                    "Y have, e.g. after `isomatch transfer`");
-  SetChoices(command.add_option("--up", arguments.up,
+  SetChoices(command.add_option("--up", arguments.files.up,
                                 "Axis of the files that points upwards; by "
                                 "default y, or z for shapes that are flattest "
                                 "along y"),
@@ -334,7 +315,7 @@ void AddAppearance(CLI::App& command, ViewArguments& arguments) {
       ->type_name("WIDTHxHEIGHT")
       ->capture_default_str();
   command
-      .add_option("--title", arguments.title,
+      .add_option("--title", arguments.files.title,
                   "Title of the page, by default the names of the meshes")
       ->type_name("TEXT");
   SetGroup(
@@ -343,21 +324,26 @@ void AddAppearance(CLI::App& command, ViewArguments& arguments) {
 }
 
 void AddFiles(CLI::App& command, ViewArguments& arguments) {
-  command.add_option("X", arguments.x, "Mesh that the map is of")->required();
-  command.add_option("Y", arguments.y, "Mesh that the map leads to")
-      ->required();
   command
-      .add_option("MAP", arguments.map,
-                  "Map (.txt, .npy, .json), or --precise file")
+      .add_option("X", arguments.files.x,
+                  "Mesh that the map is of, or a folder of a batch")
       ->required();
-  command.add_option("-o,--output", arguments.page, "Page to write, .html");
+  command.add_option("Y", arguments.files.y, "Mesh that the map leads to");
+  command.add_option("MAP", arguments.files.map,
+                     "Map (.txt, .npy, .json), or --precise file");
+  command.add_option("-o,--output", arguments.page,
+                     "Page to write, .html; by default a temporary one, "
+                     "which is opened");
   command.add_option("--png", arguments.picture, "Picture to write, .png");
-  SetGroup(&command, kFilesGroup, {"--output", "--png"});
-  command.add_option("--confidence", arguments.confidence,
+  command.add_flag("--separate-pages", arguments.separate_pages,
+                   "Of a folder: each pair has a page of its own beside "
+                   "PAGE.html");
+  SetGroup(&command, kFilesGroup, {"--output", "--png", "--separate-pages"});
+  command.add_option("--confidence", arguments.files.confidence,
                      "Confidence as `match --confidence` writes it");
-  command.add_option("--truth", arguments.truth,
+  command.add_option("--truth", arguments.files.truth,
                      "Ground truth, as `evaluate` reads it");
-  command.add_option("--report", arguments.report,
+  command.add_option("--report", arguments.files.report,
                      "Report as `match --report` writes it");
   for (const char* name : {"X", "Y", "MAP", "--output", "--png", "--confidence",
                            "--truth", "--report"}) {
@@ -369,11 +355,13 @@ void AddFiles(CLI::App& command, ViewArguments& arguments) {
 
 Command AddViewCommand(CLI::App& app) {
   CLI::App* command = app.add_subcommand(
-      "view", "Shows a map: as a page with both shapes in 3D, or a picture.");
+      "view",
+      "Shows a map, or those of a batch: as a page with both shapes in 3D, "
+      "or a picture.");
   const auto arguments = std::make_shared<ViewArguments>();
   AddFiles(*command, *arguments);
   AddAppearance(*command, *arguments);
-  AddWeldOption(command, &arguments->weld);
+  AddWeldOption(command, &arguments->files.weld);
   command->add_flag("--json", arguments->json,
                     "Print what was written, and the figures of the page, as "
                     "JSON");

@@ -91,6 +91,18 @@ TEST_F(BatchTest, MatchesEveryPairAndKeepsWhatIsDone) {
   EXPECT_EQ(matches_, 4);
 }
 
+TEST_F(BatchTest, TheReportTellsWhereTheMeshesAre) {
+  ASSERT_EQ(Batch({list_}).status, kExitSuccess);
+  const json report = json::parse(*ReadFile(Out("a__c.json"), "a report"));
+  EXPECT_EQ(report["batch"]["x"], "../../a.off");
+  EXPECT_EQ(report["batch"]["y"], "../../c.ply");
+  const CommandOutcome viewed =
+      RunIsomatch({"view", out_, "-o", folder_.Path("maps.html"), "--json"});
+  ASSERT_EQ(viewed.status, kExitSuccess) << viewed.err;
+  EXPECT_EQ(json::parse(viewed.out)["pairs"], 2);
+  EXPECT_TRUE(json::parse(viewed.out)["failures"].empty());
+}
+
 TEST_F(BatchTest, AReportThatSomebodyChangedHarmsItsPairOnly) {
   ASSERT_EQ(Batch({list_}).status, kExitSuccess);
   json foreign = json::parse(*ReadFile(Out("a__b.json"), "a report"));

@@ -190,7 +190,9 @@ TEST_F(ViewCommandTest, WrongUsageNamesTheOption) {
   ExpectUsageError({"--png", png_, "-o", page_, "--file-colors"},
                    "--file-colors: is for --png alone");
 
-  ExpectUsageError({}, "expected --output PAGE.html or --png PICTURE.png");
+  ExpectUsageError({"-o", page_, "--separate-pages"},
+                   "--separate-pages: is for a folder");
+  ExpectUsageError({"--file-colors"}, "--file-colors: is for --png alone");
   const std::string both = folder_.Path("both");
   ExpectUsageError({"-o", both, "--png", both}, "is the file of --output");
   ExpectUsageError({"-o", folder_.Path("no/page.html")}, "there is no folder");
