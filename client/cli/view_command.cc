@@ -281,9 +281,8 @@ absl::Status RunView(ViewArguments arguments, const Terminal& terminal) {
   if (opens) {
     ISOMATCH_ASSIGN_OR_RETURN(arguments.page, TemporaryPage(arguments.files));
   }
-  const absl::Status shown = IsFolder(arguments)
-                                 ? ViewFolder(arguments, terminal)
-                                 : ViewPair(arguments, terminal);
+  absl::Status shown = IsFolder(arguments) ? ViewFolder(arguments, terminal)
+                                           : ViewPair(arguments, terminal);
   if (!opens) return shown;
   if (!shown.ok()) {
     std::error_code error;

@@ -57,10 +57,8 @@ class FolderPages {
     entries_.push_back(std::move(entry));
     bytes_ += static_cast<std::int64_t>(entries_.back().data.size());
     if (bytes_ <= options_.embedded_bytes) return absl::OkStatus();
-    for (FolderEntry& with_data : entries_) {
-      if (!with_data.data.empty()) {
-        ISOMATCH_RETURN_IF_ERROR(MovePage(with_data));
-      }
+    for (FolderEntry& shown : entries_) {
+      ISOMATCH_RETURN_IF_ERROR(MovePage(shown));
     }
     return absl::OkStatus();
   }
@@ -70,7 +68,9 @@ class FolderPages {
   const std::vector<FolderEntry>& entries() const { return entries_; }
 
  private:
+  /// Does nothing for an entry without data.
   absl::Status MovePage(FolderEntry& entry) {
+    if (entry.data.empty()) return absl::OkStatus();
     std::error_code error;
     fs::create_directories(folder_, error);
     if (error) {

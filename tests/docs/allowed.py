@@ -233,6 +233,7 @@ ALLOWED = [
     Allowed("scripts/setup", "installs Debian packages", programs.check_script),
     Allowed("scripts/package", "builds the Debian packages", programs.check_script),
     Allowed("scripts/bench fetch-sets", "needs clones of other repositories", check_fetch_sets),
+    Allowed("scripts/bench view", "needs Chromium", programs.check_script),
     Allowed("scripts/bench", "measures for minutes", programs.check_bench),
     Allowed("scripts/cluster", "stays until Ctrl-C", programs.check_script),
     Allowed("docker/build", "needs docker, podman or buildah", programs.check_script),

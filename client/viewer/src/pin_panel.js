@@ -102,7 +102,7 @@ export class PinPanel {
     const left = pins.length - this.list.complete().length;
     const text = this.list.text({x: this.pair.x.name, y: this.pair.y.name});
     save(FILE, new Blob([text], {type: 'text/plain'}));
-    this.show(left === 0 ? `${FILE} is for isomatch match --landmarks.` :
+    this.show(left === 0 ? `${FILE} goes to --landmarks of isomatch match.` :
         `${count(left)} without a partner left out of ${FILE}.`);
   }
 
