@@ -176,6 +176,9 @@ export class Stage {
     this.hasDrawn = true;
     this.isCoarse = Boolean(this.slow && this.moving);
     document.body.dataset.drawn = this.isCoarse ? 'coarse' : 'fine';
+    // Fine pixels are as dear as small faces.
+    const ratio = this.isCoarse ? Math.min(1, this.ratio) : this.ratio;
+    if (this.renderer.getPixelRatio() !== ratio) this.renderer.setPixelRatio(ratio);
     const all = this.canvas.getBoundingClientRect();
     for (const pane of this.panes) {
       const {element, camera, surface} = pane;
