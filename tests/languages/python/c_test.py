@@ -118,6 +118,25 @@ class CTest(unittest.TestCase):
         # Nothing that was added goes unrecorded, or it could be taken away unseen.
         run("abidiff", recorded, found)
 
+    def test_who_closes_it_after_a_match_goes_on(self):
+        """Its threads are still there then."""
+        program = (
+            "import _ctypes, ctypes, sys, time\n"
+            "library = ctypes.CDLL(sys.argv[1])\n"
+            "class Pair(ctypes.Structure):\n"
+            "    _fields_ = [(name, ctypes.c_void_p) for name in ('mesh_x', 'shape_x', 'mesh_y', 'shape_y', 'landmarks')]\n"
+            "    _fields_ += [('num_landmarks', ctypes.c_int64)]\n"
+            "file, result, error = (ctypes.c_void_p() for _ in range(3))\n"
+            "assert library.isomatch_mesh_file_read(sys.argv[2].encode(), ctypes.byref(file), None) == 0\n"
+            "library.isomatch_mesh_file_mesh.restype = ctypes.c_void_p\n"
+            "mesh = library.isomatch_mesh_file_mesh(file)\n"
+            "pair = Pair(mesh, None, mesh, None, None, 0)\n"
+            "assert library.isomatch_match(ctypes.byref(pair), None, None, ctypes.byref(result), ctypes.byref(error)) == 0\n"
+            "_ctypes.dlclose(library._handle)\n"
+            "time.sleep(0.2)\n"
+        )
+        run("/usr/bin/python3", "-c", program, self.library, self.folder / "A.off", env=self.loaded)
+
     def test_it_is_found_by_its_version(self):
         library = ctypes.CDLL(str(self.library))
         library.isomatch_version.restype = ctypes.c_char_p

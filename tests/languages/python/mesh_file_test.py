@@ -1,5 +1,6 @@
 """isomatch.read_mesh: files as they come, and damaged ones."""
 
+import gzip
 import struct
 import unittest
 
@@ -108,6 +109,7 @@ class ReadMeshTest(unittest.TestCase):
             "little.ply": ply_binary("<", "binary_little_endian", polygons),
             "big.ply": ply_binary(">", "binary_big_endian", polygons),
             "triangles.ply": ply_binary("<", "binary_little_endian", TRIANGLES),
+            "packed.off.gz": gzip.compress(OFF.encode()),
         }
         for name, data in files.items():
             with self.subTest(name=name):
@@ -167,7 +169,7 @@ class ReadMeshTest(unittest.TestCase):
             "row.ply": (ply_ascii()[:-8], "line 19: the header claims 2 of element face"),
             "cut.ply": (ply_binary("<", "binary_little_endian", TRIANGLES)[:-3], "9 bytes are left"),
             "zero.obj": (OBJ + "f 0 1 2\n", "line 17: a face's corner is '0'"),
-            "mesh.doc": ("{}", "expected a mesh in an .off"),
+            "mesh.doc": ("{}", "expected a mesh: .off, .obj"),
             "cut.stl": (STL[:-20], "without `endsolid`"),
         }
         for name, (data, said) in damaged.items():
