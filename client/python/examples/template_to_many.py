@@ -41,7 +41,7 @@ def main() -> None:
     for path in map(pathlib.Path, paths):
         try:
             result = isomatch.match(template, path)
-        except isomatch.IsomatchError as error:
+        except (isomatch.IsomatchError, OSError) as error:
             failed += 1
             print(f"{path.stem:20} failed: {error}")
             continue

@@ -43,14 +43,12 @@ __version__ = "0.1.0"
 
 __all__ = [
     "AccessDenied",
-    "Client",
     "DataLoss",
     "FailedPrecondition",
     "FunctionalMap",
     "InvalidInput",
     "InvalidType",
     "IsomatchError",
-    "Job",
     "JobCancelled",
     "JobFailed",
     "JobState",
@@ -87,3 +85,7 @@ def __getattr__(name: str) -> Any:
             f"isomatch.{name}: {error}; expected grpcio, protobuf and numpy: "
             "pip install 'isomatch[server]'"
         ) from error
+
+
+def __dir__() -> list[str]:
+    return sorted([*__all__, "Client", "Job", "__version__"])

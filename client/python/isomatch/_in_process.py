@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import json
 import math
 import queue
-import resource
 import threading
 import time
 from collections.abc import Callable
@@ -32,6 +32,11 @@ from isomatch.status import (
 
 OnStatus = Callable[[JobStatus], object]
 
+_SNAPSHOT_SECONDS = 0.1
+
+# What the library takes; it says itself what an option may be.
+_LOW, _HIGH = -(2**63), 2**63 - 1
+
 
 class PreparedMesh:
     """A mesh and what matching needs to know of it alone: `prepare` makes one, `match`
@@ -40,6 +45,9 @@ class PreparedMesh:
     def __init__(self, mesh: Mesh, shape: _library.Owned) -> None:
         self.mesh = mesh
         self._shape = shape
+
+    def __reduce__(self) -> Any:
+        raise TypeError("a PreparedMesh is of this process alone; prepare it in each")
 
     def __repr__(self) -> str:
         return f"<isomatch.PreparedMesh {self.mesh.name or self.mesh.num_vertices}>"
@@ -59,8 +67,7 @@ class Options:
         _library.call("options_set_text", self.handle, b"profile", profile.encode())
         for name, value in numbers.items():
             if value is not None:
-                # The library says what its numbers may be.
-                number = integer(name, value, -(2**63), 2**63 - 1)
+                number = integer(name, value, _LOW, _HIGH)
                 _library.call("options_set_integer", self.handle, name.encode(), number)
 
     @property
@@ -76,51 +83,91 @@ class _Clock:
         self._stage = ""
         self.seconds: dict[str, float] = {}
 
-    def tell(self, stage: str) -> None:
+    def tell(self, stage: str) -> bool:
+        """Whether another stage has begun."""
         now = time.monotonic()
         if self._stage:
             self.seconds[self._stage] = self.seconds.get(self._stage, 0) + now - self._last
+        is_new = stage != self._stage
         self._stage, self._last = stage, now
+        return is_new
+
+    @property
+    def run_seconds(self) -> float:
+        return self._last - self.start
 
 
-def _run(call: Callable[[Any], None], on_status: OnStatus | None) -> _Clock:
-    """Calls `call(control)` in a thread of its own, so that this one may be interrupted,
-    which then cancels it; on_status is called by this one."""
-    clock = _Clock()
-    events: queue.SimpleQueue[Any] = queue.SimpleQueue()
-    cancel = _library.Owned("cancel", _library.load().isomatch_cancel_new())
+class _Work:
+    """A call of the library in a thread of its own, so that the caller's may be
+    interrupted. Whatever becomes of the caller, it holds what the library uses until
+    that returns."""
 
-    def told(_user: Any, stage: bytes, of_stage: float, of_all: float) -> int:
-        clock.tell(stage.decode())
-        if on_status is not None:
-            events.put((stage.decode(), of_stage, of_all))
-        return 0
+    def __init__(self, call: Callable[[Any], None], held: Any, is_followed: bool) -> None:
+        self._call: Any = call
+        self._held, self._is_followed = held, is_followed
+        self.events: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        self.clock = _Clock()
+        self._told_at = 0.0
+        self._cancel = _library.Owned("cancel", _library.load().isomatch_cancel_new())
+        self._control: Any = _library.Control(
+            _library.OnProgress(self._told), None, self._cancel.handle
+        )
+        self._ended = threading.Event()
+        # Not of the caller's kind: Python ends only when it has.
+        self._thread = threading.Thread(target=self._run, name="isomatch", daemon=False)
 
-    # Held until the call is over.
-    control = _library.Control(_library.OnProgress(told), None, cancel.handle)
+    def start(self) -> None:
+        self._thread.start()
 
-    def work() -> None:
+    def stop(self) -> None:
+        """Cancels it and waits, however often that is interrupted."""
+        self._cancel.get("request")
+        while self._thread.ident is not None and not self._ended.is_set():
+            with contextlib.suppress(KeyboardInterrupt):
+                self._ended.wait()
+
+    def _run(self) -> None:
         try:
-            call(ctypes.byref(control))
-            events.put(None)
+            self._call(ctypes.byref(self._control))
+            self.events.put(None)
         except BaseException as error:
-            events.put(error)
+            self.events.put(error)
+        finally:
+            self.clock.tell("")
+            # They hold each other: this one, and the function that the library calls.
+            self._call = self._held = self._control = None
+            self._ended.set()
 
-    worker = threading.Thread(target=work, name="isomatch")
-    worker.start()
+    def _told(self, _user: Any, stage: bytes, of_stage: float, of_all: float) -> int:
+        """Of all that the library tells, who follows gets each stage, and some ten
+        snapshots a second."""
+        name = stage.decode()
+        is_new = self.clock.tell(name)
+        now = time.monotonic()
+        if self._is_followed and (is_new or now - self._told_at >= _SNAPSHOT_SECONDS):
+            self._told_at = now
+            self.events.put((name, of_stage, of_all))
+        return 0 if threading.main_thread().is_alive() else 1  # Python ends
+
+
+def _run(call: Callable[[Any], None], held: Any, on_status: OnStatus | None) -> _Clock:
+    """Calls `call(control)`, which uses `held`. on_status gets the newest snapshot in
+    the caller's thread; what that raises, or an interrupt, cancels the call."""
+    work = _Work(call, held, on_status is not None)
     try:
-        while (event := events.get()) is not None:
+        work.start()
+        event = work.events.get()
+        while event is not None:
             if isinstance(event, BaseException):
                 raise event
             assert on_status is not None
-            on_status(running(*event))
+            if work.events.empty():  # else there is a newer one
+                on_status(running(*event))
+            event = work.events.get()
     except BaseException:
-        cancel.get("request")
+        work.stop()
         raise
-    finally:
-        worker.join()
-    clock.tell("")
-    return clock
+    return work.clock
 
 
 def prepare(
@@ -152,7 +199,7 @@ def prepare(
     def call(control: Any) -> None:
         _library.call("prepare", ctypes.byref(borrowed), options.handle, control, shape.out)
 
-    _run(call, None)
+    _run(call, (checked, borrowed, options, shape), None)
     return PreparedMesh(checked, shape)
 
 
@@ -190,7 +237,7 @@ def match(
     def call(control: Any) -> None:
         _library.call("match", ctypes.byref(pair), options.handle, control, found.out)
 
-    clock = _run(call, on_status)
+    clock = _run(call, (x, y, mesh_x, mesh_y, pair, known, options, found), on_status)
     result = _result_of(found, (mesh_x, mesh_y), clock, wanted)
     if on_status is not None:
         on_status(succeeded(result.info))
@@ -230,6 +277,13 @@ def _result_of(
     )
 
 
+def _peak_resident_bytes() -> int:
+    """Of this process; the library is for Linux alone."""
+    import resource
+
+    return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+
 def _numbers(fields: dict[str, Any]) -> dict[str, Any]:
     """null as not a number."""
     return {name: math.nan if value is None else value for name, value in fields.items()}
@@ -261,8 +315,8 @@ def _info(report: dict[str, Any], clock: _Clock, parts: tuple[str, ...]) -> Resu
         unmatched=report["unmatched"],
         objective=report["objective"],
         stage_seconds=clock.seconds,
-        run_seconds=time.monotonic() - clock.start,
-        peak_resident_bytes=1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss,
+        run_seconds=clock.run_seconds,
+        peak_resident_bytes=_peak_resident_bytes(),
         warnings=tuple(others),
         profile=report["profile"],
         random_seed=report["random_seed"],

@@ -15,7 +15,7 @@ def integer(field: str, value: Any, low: int, high: int) -> int:
     try:
         number = operator.index(value)
     except TypeError:
-        number = low - 1
+        raise invalid(field, f"is {value!r}, expected an integer") from None
     if low <= number <= high:
         return number
     raise invalid(field, f"is {value!r}, expected an integer, {low} to {high}")

@@ -29,6 +29,7 @@ from isomatch.errors import (
     JobFailed,
     LibraryNotFound,
     ResourceExhausted,
+    in_our_words,
 )
 
 _NAME = "libisomatch.so.0"
@@ -170,17 +171,6 @@ _STATUS_ERRORS: dict[int, Callable[..., IsomatchError]] = {
     4: functools.partial(JobFailed, code="INTERNAL", reason="INTERNAL"),
 }
 
-# What isomatch.h calls the arguments of `match`.
-_FIELDS = {"mesh_x": "x", "shape_x": "x", "mesh_y": "y", "shape_y": "y"}
-
-
-def _field_here(field: str) -> str:
-    head, dot, rest = field.partition(".")
-    if head == "options":
-        return rest
-    return _FIELDS.get(head, head) + dot + rest
-
-
 def call(name: str, *arguments: Any) -> None:
     """Calls isomatch_NAME; what it fails with is raised, fields by the names they have
     in this package."""
@@ -195,8 +185,7 @@ def call(name: str, *arguments: Any) -> None:
     finally:
         library.isomatch_error_free(error)
     if field:
-        here = _field_here(field)
-        message, field = here + message[len(field) :], here
+        message, field = in_our_words(message, field)
     raise _STATUS_ERRORS[status](message, field=field or None)
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from isomatch import _in_process
 from isomatch._in_process import PreparedMesh
+from isomatch._landmarks import integer
 from isomatch._progress import followed
 from isomatch.errors import IsomatchError, ServerSupportMissing, invalid
 from isomatch.mesh import MeshLike, UploadedMesh, as_mesh
@@ -59,9 +60,10 @@ def match(
     confidence, precise, alternative, functional_map: what comes with the map, see
       MatchResult.
 
-    Ctrl-C stops it. InvalidInput, with `field`: something is wrong. ResourceExhausted:
-    too little memory. LibraryNotFound: nothing here can match, expected server=. With a
-    server also what Client.submit and Job.result raise; when the call is interrupted or
+    Ctrl-C stops it; in another thread than the first, what on_progress raises does.
+    InvalidInput, with `field`: something is wrong, or memory_limit_bytes is too little.
+    ResourceExhausted: there is no memory left. OSError: a file cannot be opened.
+    LibraryNotFound: nothing here can match, expected server=. With a server also what Client.submit and Job.result raise; when the call is interrupted or
     this process vanishes, the job is cancelled.
     """
     wanted = {
@@ -93,8 +95,8 @@ def match(
             random_seed=random_seed,
             threads=threads,
             memory_limit_bytes=memory_limit_bytes,
-            landmarks_exact=int(landmarks_exact),
-            keep_functional_map=int(functional_map),
+            landmarks_exact=integer("landmarks_exact", landmarks_exact, 0, 1),
+            keep_functional_map=integer("functional_map", functional_map, 0, 1),
             solved_vertices=solved_vertices,
         )
         return _in_process.match(
@@ -113,6 +115,8 @@ def _client(server: str | Client) -> contextlib.AbstractContextManager[Client]:
         ) from error
     if isinstance(server, Client):
         return contextlib.nullcontext(server)
+    if not isinstance(server, str) or not server:
+        raise invalid("server", f"is {server!r}, expected HOST:PORT or a Client")
     return Client(server)
 
 

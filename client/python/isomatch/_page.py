@@ -40,14 +40,21 @@ class _Mapped:
         )
 
 
+def _bytes(field: str, text: str) -> bytes:
+    """As the library takes a text; names of files need not be UTF-8."""
+    if not isinstance(text, str):
+        raise invalid(field, f"is {text!r}, expected a text")
+    return text.replace("\0", "").encode("utf-8", "replace")
+
+
 def make(result: MatchResult, x: Mesh, y: Mesh, title: str | None) -> str:
     """Returns the HTML document."""
     mapped = _Mapped(result, x, y)
     confidence = None if result.confidence is None else contiguous(result.confidence, "f")
     page = _library.Page(
-        title.encode() if title else None,
-        (x.name or "X").encode(),
-        (y.name or "Y").encode(),
+        None if title is None else _bytes("title", title),
+        _bytes("x", x.name or "X"),
+        _bytes("y", y.name or "Y"),
         None if confidence is None else address(confidence),
         json.dumps(result.report()).encode(),
     )
@@ -60,7 +67,10 @@ def carry_texture(result: MatchResult, x: Mesh, y: Mesh, uv_y: Any) -> Any:
     """MatchResult.transfer_texture."""
     if np is None:
         raise invalid("uv_y", "is of use with numpy only, expected it to be installed")
-    values = np.asarray(uv_y, dtype=np.float64)
+    try:
+        values = np.asarray(uv_y, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise invalid("uv_y", f"{error}, expected numbers") from None
     if values.shape != (y.num_faces, 3, 2):
         raise invalid("uv_y", f"shape is {values.shape}, expected ({y.num_faces}, 3, 2)")
     values = np.ascontiguousarray(values)
@@ -70,6 +80,12 @@ def carry_texture(result: MatchResult, x: Mesh, y: Mesh, uv_y: Any) -> Any:
         "carry_texture", ctypes.byref(mapped.pair), address(values), address(carried)
     )
     return carried
+
+
+def _has_display() -> bool:
+    """Without one a browser of texts would take the terminal, and draw nothing."""
+    names = ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")
+    return not sys.platform.startswith("linux") or any(map(os.environ.get, names))
 
 
 def in_notebook() -> bool:
@@ -110,6 +126,6 @@ def show(page: str, path: str | os.PathLike[str] | None) -> pathlib.Path | None:
 
     target = pathlib.Path(tempfile.mkdtemp(prefix="isomatch-")) / "map.html"
     target.write_text(page, encoding="utf-8")
-    if not webbrowser.open(target.as_uri()):
+    if not (_has_display() and webbrowser.open(target.as_uri())):
         print(f"isomatch: no browser found; the page is {target}", file=sys.stderr)
     return target

@@ -43,7 +43,7 @@ def decode_precise(data: bytes, n: int, end: int) -> PreciseMap:
     _check_bytes("precise map", data, _POINT.itemsize * n)
     points = np.frombuffer(data, _POINT)
     vertices = _indices("precise map", points["vertices"], end)
-    return PreciseMap(vertices, points["weights"].astype(np.float32))
+    return PreciseMap(vertices, points["weights"].astype(np.float64))
 
 
 def decode_confidence(data: bytes, n: int, end: int) -> NDArray[np.float32]:

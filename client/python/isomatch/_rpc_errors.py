@@ -16,6 +16,7 @@ from isomatch.errors import (
     NotFound,
     ResourceExhausted,
     Unavailable,
+    in_our_words,
 )
 
 _DETAILS_KEY = "grpc-status-details-bin"
@@ -66,11 +67,14 @@ def from_rpc(error: grpc.RpcError) -> IsomatchError:
     info = _unpack(details, _messages.ErrorInfo)
     violations = _unpack(details, _messages.BadRequest).field_violations
     retry = _unpack(details, _messages.RetryInfo)
+    field = violations[0].field if violations else None
+    if field is not None:
+        said, field = in_our_words(said, field)
     return _CLASSES.get(code, IsomatchError)(
         said,
         code=code,
         reason=info.reason,
-        field=violations[0].field if violations else None,
+        field=field,
         metadata=dict(info.metadata),
         retry_after=(
             retry.retry_delay.ToTimedelta().total_seconds()

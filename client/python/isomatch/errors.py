@@ -54,6 +54,19 @@ def invalid(field: str, message: str) -> InvalidInput:
     return InvalidInput(f"{field}: {message}", reason="INVALID_FIELD", field=field)
 
 
+# What isomatch.h and service.proto call the arguments of `match`.
+_ARGUMENTS = {"mesh_x": "x", "shape_x": "x", "mesh_y": "y", "shape_y": "y"}
+
+
+def in_our_words(message: str, field: str) -> tuple[str, str]:
+    """A message that begins with its field, and the field, as this package calls it."""
+    head, dot, rest = field.partition(".")
+    here = rest if head == "options" else _ARGUMENTS.get(head, head) + dot + rest
+    if message.startswith(f"{field}:"):
+        message = here + message[len(field) :]
+    return message, here
+
+
 class NotFound(IsomatchError, LookupError):
     """The server has no such job, or the result no such part."""
 

@@ -126,6 +126,13 @@ MeshLike = Union[
 ]
 
 
+def _own(array: Any, dtype: Any) -> Any:
+    """A copy that nobody changes: meshes outlive the call that got them."""
+    copy = np.array(array, dtype=dtype, order="C")
+    copy.flags.writeable = False
+    return copy
+
+
 def _positions(values: ArrayLike, field: str) -> NDArray[np.float64]:
     if np is None:
         return _plain.positions(values, field)
@@ -143,13 +150,16 @@ def _positions(values: ArrayLike, field: str) -> NDArray[np.float64]:
             f"{field}[{wrong[0]}]",
             f"is {array[wrong[0]].tolist()}, expected numbers of single precision",
         )
-    return np.ascontiguousarray(array)
+    return _own(array, np.float64)
 
 
 def _faces(values: ArrayLike, vertices: int, field: str) -> NDArray[np.uint32]:
     if np is None:
         return _plain.faces(values, vertices, field)
-    array = np.asarray(values)
+    try:
+        array = np.asarray(values)
+    except (TypeError, ValueError) as error:
+        raise invalid(field, f"{error}, expected m x 3 integers") from None
     if array.ndim != 2 or array.shape[1] != 3 or len(array) == 0:
         raise invalid(field, f"shape is {array.shape}, expected (m, 3)")
     if not np.issubdtype(array.dtype, np.integer):
@@ -160,22 +170,23 @@ def _faces(values: ArrayLike, vertices: int, field: str) -> NDArray[np.uint32]:
             f"{field}[{wrong[0]}]",
             f"is {array[wrong[0]].tolist()}, expected vertices 0 to {vertices - 1}",
         )
-    return np.ascontiguousarray(array, dtype=np.uint32)
+    return _own(array, np.uint32)
 
 
-def _of_file(path: str | os.PathLike[str], field: str) -> Mesh:
+def _of_file(path: str | bytes | os.PathLike[Any], field: str) -> Mesh:
     """OSError: it cannot be opened."""
-    with open(path, "rb"):
+    name = os.fsdecode(os.fspath(path))
+    with open(name, "rb"):
         pass
     file = _library.Owned("mesh_file")
     try:
-        _library.call("mesh_file_read", os.fsencode(path), file.out)
+        _library.call("mesh_file_read", os.fsencode(name), file.out)
     except InvalidInput as error:
         raise invalid(field, str(error).partition(": ")[2]) from None
     mesh = file.get("mesh").contents
     positions = ctypes.cast(mesh.positions, ctypes.POINTER(ctypes.c_double))
     faces = ctypes.cast(mesh.faces, ctypes.POINTER(ctypes.c_int32))
-    name = pathlib.PurePath(os.fspath(path)).name
+    name = pathlib.PurePath(name).name
     if np is None:
         flat = copied(positions, 3 * mesh.num_vertices), copied(faces, 3 * mesh.num_faces)
         return Mesh(array("d", flat[0]), array("i", flat[1]), name)  # type: ignore[arg-type]
@@ -195,8 +206,9 @@ def _arrays(value: MeshLike, field: str) -> Sequence[ArrayLike]:
     except ValueError as error:
         raise invalid(field, f"is a {type(value).__name__}: {error}") from None
     if arrays is None:
+        kind = "an array alone" if hasattr(value, "dtype") else f"a {type(value).__name__}"
         raise InvalidType(
-            f"{field}: is a {type(value).__name__}, expected (vertices, faces), a path, "
+            f"{field}: is {kind}, expected (vertices, faces), a path, "
             f"or {_mesh_objects.TAKEN}",
             reason="INVALID_FIELD",
             field=field,
@@ -214,7 +226,7 @@ def as_mesh(value: MeshLike, field: str) -> Mesh:
     """
     if isinstance(value, Mesh):
         return value
-    if isinstance(value, (str, os.PathLike)):
+    if isinstance(value, (str, bytes, os.PathLike)):
         return _of_file(value, field)
     arrays = _arrays(value, field)
     positions = _positions(arrays[0], f"{field}.vertices")

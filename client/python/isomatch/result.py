@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from isomatch import _page
 from isomatch._numpy import np
+from isomatch._landmarks import integer
 from isomatch.errors import FailedPrecondition, invalid
 from isomatch.mesh import Mesh, MeshLike, as_mesh
 from isomatch.status import ResultInfo, Verdict
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PreciseMap:
     """For each vertex of X a point on a face of Y.
 
@@ -30,7 +31,7 @@ class PreciseMap:
     weights: NDArray[np.floating[Any]]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FunctionalMap:
     """The first k eigenfunctions of Y carried to X.
 
@@ -57,7 +58,7 @@ def _each(rows: Any, function: Any) -> Any:
     return found if np is None else np.array(found)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class MatchResult:
     """What a match found, in the vertex numbers of the meshes given. Arrays are those
     of numpy, or lists where numpy is not installed.
@@ -70,6 +71,7 @@ class MatchResult:
     confidence: n, 0 (do not trust) to 1; alternative: as y_from_x, the best map
       that was not chosen, a symmetric image as a rule. These and `precise` are None
       when not asked for or not there.
+    spectral: what functional_map() gives.
     meshes: X and Y, where they are known, for `view`.
     """
 
@@ -80,10 +82,12 @@ class MatchResult:
     confidence: NDArray[np.float32] | None = None
     precise: PreciseMap | None = None
     alternative: NDArray[np.int32] | None = None
-    spectral: FunctionalMap | None = dataclasses.field(default=None, repr=False)
-    meshes: tuple[Mesh | None, Mesh | None] = dataclasses.field(
-        default=(None, None), repr=False, compare=False
-    )
+    spectral: FunctionalMap | None = None
+    meshes: tuple[Mesh | None, Mesh | None] = (None, None)
+
+    def __repr__(self) -> str:
+        sizes = f"{len(self.y_from_x)} vertices of X on {self.vertices_y} of Y"
+        return f"<isomatch.MatchResult {sizes}: {self.verdict}>"
 
     @property
     def verdict(self) -> Verdict:
@@ -108,9 +112,7 @@ class MatchResult:
         most = len(self.spectral.eigenvalues_x)
         if k is None:
             return self.spectral
-        if not 1 <= k <= most:
-            raise invalid("k", f"is {k}, expected 1 to {most}")
-        return self.spectral.first(k)
+        return self.spectral.first(integer("k", k, 1, most))
 
     def transfer(
         self, values_y: ArrayLike, *, interpolate: bool | None = None, missing: Any = 0
@@ -125,8 +127,11 @@ class MatchResult:
         transfer_texture.
         """
         if np is None:
-            return self._transfer_lists(values_y, bool(interpolate), missing)
-        values = np.asarray(values_y)
+            return self._transfer_lists(values_y, interpolate, missing)
+        try:
+            values = np.asarray(values_y)
+        except (TypeError, ValueError) as error:
+            raise invalid("values_y", f"{error}, expected one row a vertex") from None
         if values.ndim == 0 or len(values) != self.vertices_y:
             raise invalid(
                 "values_y",
@@ -145,12 +150,22 @@ class MatchResult:
         carried[~self.matched] = missing
         return carried
 
-    def _transfer_lists(self, values: Any, interpolate: bool, missing: Any) -> Any:
+    def _transfer_lists(self, values: Any, interpolate: bool | None, missing: Any) -> Any:
+        """Rows are numbers, or lists of them, or anything that is not interpolated."""
         if len(values) != self.vertices_y:
             raise invalid("values_y", f"{len(values)} rows, expected {self.vertices_y}")
-        if interpolate:
-            raise invalid("interpolate", "is True, expected numpy to be installed")
-        return [missing if y < 0 else values[y] for y in self.y_from_x]
+        if interpolate is None:
+            first = values[0][0] if isinstance(values[0], (list, tuple)) else values[0]
+            interpolate = self.precise is not None and isinstance(first, float)
+        if interpolate and self.precise is None:
+            raise invalid("interpolate", "there is no precise map, expected precise=True")
+        if not interpolate:
+            return [missing if y < 0 else values[y] for y in self.y_from_x]
+        assert self.precise is not None
+        return [
+            missing if corners[0] < 0 else _mean([values[v] for v in corners], weights)
+            for corners, weights in zip(self.precise.vertices, self.precise.weights)
+        ]
 
     def transfer_texture(
         self, uv_y: ArrayLike, *, x: MeshLike | None = None, y: MeshLike | None = None
@@ -223,6 +238,13 @@ class MatchResult:
             ],
         }
         return _without_nan(found)
+
+
+def _mean(rows: list[Any], weights: Any) -> Any:
+    """Of three numbers, or lists of numbers."""
+    if isinstance(rows[0], (list, tuple)):
+        return [_mean(list(column), weights) for column in zip(*rows)]
+    return sum(weight * number for weight, number in zip(weights, rows))
 
 
 def _known(field: str, given: MeshLike | None, known: Mesh | None, vertices: int) -> Mesh:

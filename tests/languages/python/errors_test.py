@@ -65,7 +65,7 @@ class InvalidInputTest(unittest.TestCase):
         with self.assertRaises(isomatch.InvalidInput) as caught:
             self.client.submit(square(), flat)
         self.assertEqual(caught.exception.reason, "MESH_MALFORMED")
-        self.assertEqual(caught.exception.field, "mesh_y")
+        self.assertEqual(caught.exception.field, "y")
 
     def test_unknown_jobs_are_not_found_at_once(self):
         start = time.monotonic()
@@ -140,7 +140,7 @@ class DracoTest(unittest.TestCase):
         request.mesh_y.draco = encoded.data[:-1]
         with self.assertRaises(isomatch.InvalidInput) as caught:
             transport.call(transport.rpcs.CreateJob, request)
-        self.assertEqual(caught.exception.field, "mesh_y.draco")
+        self.assertEqual(caught.exception.field, "y.draco")
 
 
 class AccessTest(unittest.TestCase):

@@ -1,11 +1,14 @@
 """isomatch.match in this process: what only there can happen."""
 
+import io
 import json
 import os
 import pathlib
+import pickle
 import subprocess
 import sys
 import threading
+import time
 import types
 import unittest
 from unittest import mock
@@ -57,18 +60,23 @@ result = isomatch.match({str(x)!r}, (vertices, [tuple(face) for face in faces]),
 assert type(vertices) is type(vertices[0]) is list
 assert all(result.matched) and len(result.precise.weights[0]) == 3
 assert len(result.functional_map(4).fmap_x_from_y[3]) == 4
+heights = result.transfer([row[2] for row in vertices]), result.transfer(vertices)
+assert all(abs(h - row[2]) < 1e-12 for h, row in zip(*heights))
+assert max(abs(h - vertices[y][2]) for h, y in zip(heights[0], result.y_from_x)) > 0
 carried = result.transfer(["vertex %d" % y for y in range(900)])
 assert carried[5] == "vertex %d" % result.y_from_x[5]
 assert "</html>" in result.page()
-print(json.dumps([result.y_from_x, result.confidence, result.info.landmarks[0].kept]))
+print(json.dumps([result.y_from_x, result.confidence, result.info.landmarks[0].kept, heights[0]]))
 """,
             missing=["numpy"],
         )
-        mapped, confidence, kept = json.loads(found)
+        mapped, confidence, kept, heights = json.loads(found)
         result = isomatch.match(x, y, landmarks=[(7, support.truth()[7])])
         self.assertEqual(mapped, result.y_from_x.tolist())
         np.testing.assert_array_equal(np.float32(confidence), result.confidence)
         self.assertTrue(kept)
+        expected = result.transfer(isomatch.read_mesh(y)[0][:, 2])
+        np.testing.assert_allclose(heights, expected, atol=1e-12)
 
     def test_without_numpy_what_is_wrong_is_named_as_with_it(self):
         square = [[0, 0, 0], [1, 0, 0], [1, 1, 0]], [[0, 1, 2]]
@@ -165,6 +173,63 @@ print(isomatch.match({str(x)!r}, {str(y)!r}).verdict.level)
         self.assertLess(float(seconds), 2)
         self.assertEqual(level, "good")
 
+    def test_an_impatient_ctrl_c_harms_nothing(self):
+        """Several of them, while it starts and while it ends."""
+        x, y = support.slow_pair()
+        script = f"""
+import isomatch, os, random, signal, threading, time
+dice = random.Random(1)
+meshes = isomatch.read_mesh({str(x)!r}), isomatch.read_mesh({str(y)!r})
+def interrupt(first):
+    for pause in (first, 0.01, 0.02, 0.05):
+        time.sleep(pause)
+        os.kill(os.getpid(), signal.SIGINT)
+    done.set()
+caught = 0
+for _ in range(12):
+    done = threading.Event()
+    thread = threading.Thread(target=interrupt, args=(dice.uniform(0, 0.05),))
+    try:
+        thread.start()
+        isomatch.match(*meshes, profile="paper")
+    except KeyboardInterrupt:
+        caught += 1
+    while not done.is_set():
+        try:
+            done.wait()
+        except KeyboardInterrupt:
+            pass
+print(caught, isomatch.match(*meshes).verdict.level, threading.active_count() <= 2)
+"""
+        self.assertEqual(run_python(script, MALLOC_PERTURB_="165").split(), ["12", "good", "True"])
+
+    def test_python_ends_while_another_thread_matches(self):
+        x, y = support.slow_pair()
+        script = f"""
+import threading, time
+def work():
+    isomatch.match({str(x)!r}, {str(y)!r}, profile="paper", threads=2)
+threading.Thread(target=work, daemon=True).start()
+time.sleep(0.4)
+"""
+        for _ in range(3):
+            start = time.monotonic()
+            run_python(script)
+            self.assertLess(time.monotonic() - start, 10)
+
+    def test_a_slow_function_of_the_caller_skips_snapshots(self):
+        seen = []
+
+        def slow(status):
+            seen.append(status)
+            time.sleep(0.05)
+
+        result = isomatch.match(*support.pair(), on_progress=slow)
+        self.assertLess(len(seen), 40)
+        self.assertIs(seen[-1].state, isomatch.JobState.SUCCEEDED)
+        stages = result.info.stage_seconds
+        self.assertAlmostEqual(sum(stages.values()), result.info.run_seconds, delta=0.1)
+
     def test_what_the_callers_function_raises_ends_it(self):
         seen = []
 
@@ -188,8 +253,30 @@ class MemoryTest(unittest.TestCase):
             result = isomatch.match(x, y)
             result.page()
             grown.append(resident_bytes())
-        # A result and its page have 1.5 MB.
-        self.assertLess(grown[-1] - grown[4], 4e6, grown)
+        # Twenty results and their pages have 30 MB; the heap grows by steps.
+        self.assertLess(min(grown[-5:]) - min(grown[3:8]), 8e6, grown)
+
+
+class OwnMeshesTest(unittest.TestCase):
+    def test_what_the_caller_changes_later_changes_nothing(self):
+        vertices, faces = isomatch.read_mesh(support.pair()[0])
+        vertices, faces = vertices.copy(), faces.astype(np.uint32)
+        result = isomatch.match((vertices, faces), support.pair()[1])
+        before = result.page()
+        vertices[:] = 0
+        faces[:] = 10**6
+        self.assertEqual(result.page(), before)
+        self.assertFalse(result.meshes[0].positions.flags.writeable)
+
+    def test_results_are_short_texts_and_are_told_apart(self):
+        one, other = (isomatch.match(*support.pair()) for _ in range(2))
+        self.assertIn(other, [one, other])
+        self.assertNotEqual(one, other)
+        self.assertRegex(repr(one), r"^<isomatch.MatchResult 1000 vertices of X on 900 of Y: good")
+        again = pickle.loads(pickle.dumps(one))
+        np.testing.assert_array_equal(again.y_from_x, one.y_from_x)
+        with self.assertRaisesRegex(TypeError, "prepare it in each"):
+            pickle.dumps(isomatch.prepare(support.pair()[0]))
 
 
 class PreparedTest(unittest.TestCase):
@@ -246,7 +333,12 @@ class ArgumentsTest(unittest.TestCase):
         self.expect_field("profile", "'quick', expected default or paper", profile="quick")
         self.expect_field("profile", "is 7, expected 'default' or", profile=7)
         self.expect_field("random_seed", "-1, expected 0 to", random_seed=-1)
-        self.expect_field("threads", "is 'two', expected an integer", threads="two")
+        self.expect_field("threads", "is 'two', expected an integer$", threads="two")
+        self.expect_field("landmarks_exact", "is 'no', expected", landmarks_exact="no")
+        self.expect_field("server", "is '', expected HOST:PORT", server="")
+        self.expect_field("x", "is an array alone, expected", *isomatch.read_mesh(support.pair()[0]))
+        ragged = isomatch.read_mesh(support.pair()[0])[0], [[0, 1, 2], [0, 1, 2, 3]]
+        self.expect_field("x.faces", "expected m x 3 integers", ragged, support.pair()[1])
         self.expect_field("solved_vertices", "20", solved_vertices=20)
         self.expect_field("landmarks[1].y", "900, expected.* 0 to 899", landmarks=[(0, 0), (1, 900)])
         self.expect_field("landmarks[0]", r"\[3\], expected a vertex of X", landmarks=[[3]])
@@ -322,7 +414,9 @@ class ViewTest(unittest.TestCase):
 
     def test_a_page_is_written_or_opened(self):
         path = support.folder() / "seen.html"
-        with mock.patch("webbrowser.open", return_value=True) as opened:
+        with mock.patch("webbrowser.open", return_value=True) as opened, mock.patch.dict(
+            os.environ, DISPLAY=":0"
+        ):
             self.assertEqual(self.result.view(path), path)
             opened.assert_not_called()
             shown = self.result.view(title="Cat & cat")
@@ -336,6 +430,25 @@ class ViewTest(unittest.TestCase):
         self.assertNotIn("<html", shown)  # all of it is quoted
         with mock.patch.object(_page, "_MOST_INLINE_BYTES", 1000):
             self.assertIn("too many for a notebook", self.result._repr_html_())
+
+    def test_any_name_of_a_file_can_be_shown(self):
+        x, y = support.pair()
+        odd = os.path.join(os.fsencode(support.folder()), b"odd\xff <b>.off")
+        pathlib.Path(os.fsdecode(odd)).write_bytes(x.read_bytes())
+        for path in (odd, os.fsdecode(odd)):
+            self.assertIn("</html>", isomatch.match(path, y).page())
+        self.assertIn("</html>", self.result.page(title="a\0b \ud800"))
+        with self.assertRaisesRegex(isomatch.InvalidInput, "title: is 5, expected a text"):
+            self.result.page(title=5)
+
+    def test_without_a_display_the_page_is_named(self):
+        with mock.patch("webbrowser.open") as opened, mock.patch.dict(os.environ):
+            for name in ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER"):
+                os.environ.pop(name, None)
+            with mock.patch("sys.stderr", new_callable=io.StringIO) as said:
+                shown = self.result.view()
+        opened.assert_not_called()
+        self.assertIn(f"no browser found; the page is {shown}", said.getvalue())
 
     def test_meshes_that_are_not_known_are_asked_for(self):
         x, y = support.pair()

@@ -118,7 +118,7 @@ class MatchTest:
         self.assertEqual(len(first.eigenvalues_y), 5)
         np.testing.assert_array_equal(first.fmap_x_from_y, whole.fmap_x_from_y[:5, :5])
         for wrong in (0, k + 1):
-            with self.assertRaisesRegex(isomatch.InvalidInput, f"k: is {wrong}, expected 1 to"):
+            with self.assertRaisesRegex(isomatch.InvalidInput, f"k: is {wrong}, expected an integer, 1 to"):
                 full.functional_map(wrong)
 
     def test_values_are_carried_from_y_to_x(self):

@@ -39,7 +39,7 @@ class NotebookTest(unittest.TestCase):
     def test_the_map_shows_itself(self):
         [shown] = [output for output in self.outputs("isomatch.match(folder") if "data" in output]
         self.assertTrue(shown["data"]["text/html"].startswith("<iframe srcdoc="))
-        self.assertIn("MatchResult(", shown["data"]["text/plain"])
+        self.assertIn("<isomatch.MatchResult 3000 vertices of X on 3000 of Y: good", shown["data"]["text/plain"])
 
     def test_its_cells_say_what_their_texts_promise(self):
         self.assertTrue(self.said("result.verdict").startswith("good"))

@@ -36,7 +36,9 @@ class ReadmeTest(unittest.TestCase):
         [block] = support.blocks(FRONT_PAGE, "From other languages", "python")
         vertices_x, faces_x = isomatch.read_mesh(support.pair()[0])
         names = {"vertices_x": vertices_x, "faces_x": faces_x}
-        with mock.patch("webbrowser.open", return_value=True) as opened:
+        with mock.patch("webbrowser.open", return_value=True) as opened, mock.patch.dict(
+            os.environ, DISPLAY=":0"
+        ):
             exec(block, names)
         opened.assert_called_once()
         self.assertEqual(
@@ -52,7 +54,9 @@ class ReadmeTest(unittest.TestCase):
             "values_y": np.zeros((900, 2)),
             "uv_y": np.zeros((len(isomatch.read_mesh(support.pair()[1])[1]), 3, 2)),
         }
-        with mock.patch("webbrowser.open", return_value=True) as opened:
+        with mock.patch("webbrowser.open", return_value=True) as opened, mock.patch.dict(
+            os.environ, DISPLAY=":0"
+        ):
             exec(support.blocks(MANUAL, "Python", "python")[0], names)
         opened.assert_called_once()
         self.assertEqual(
