@@ -32,7 +32,7 @@ struct BatchParts {
 /// parts, and NAME.json, the report of `match` with an object `batch`, which
 /// has the meshes' paths from the folder as `x` and `y`. NAME.json is written
 /// last, so a pair that has it is done.
-class BatchRecord {
+class BatchRecord {  // NOLINT: moving a json of nlohmann throws nothing
  public:
   /// The record of `pair` in `folder`. `options` is a text of everything that
   /// decides what the map is, beside the files.

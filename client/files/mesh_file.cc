@@ -313,6 +313,7 @@ absl::StatusOr<LoadedMesh> ReadMesh(const std::string& path,
 
 std::vector<std::string> MeshExtensions() {
   std::vector<std::string> extensions;
+  extensions.reserve(std::size(kFormats));
   for (const Format& format : kFormats) {
     extensions.emplace_back(format.extension);
   }
