@@ -1,6 +1,10 @@
+#!/usr/bin/env python3
 """Debian's packages: whose a file is, from which source, and under which licenses.
 
-Those of this machine, as dpkg knows them, or of a folder of docker/cross/sysroot.
+    docker/debian_packages.py ROOT FILE...
+
+prints the names of the packages that the files are from, which lie below ROOT: / for
+those of this machine, as dpkg knows them, or a folder of docker/cross/sysroot.
 """
 
 from __future__ import annotations
@@ -10,6 +14,7 @@ import os
 import pathlib
 import re
 import subprocess
+import sys
 from collections.abc import Iterable
 
 FIELDS = (
@@ -37,7 +42,7 @@ def both_names(path: str) -> set[str]:
     return {path, path[len("/usr") :] if path.startswith("/usr/lib") else "/usr" + path}
 
 
-def files_read(build: pathlib.Path, targets: list[str], root: pathlib.Path) -> list[str]:
+def files_read(build: pathlib.Path, targets: list[str], root: str) -> list[str]:
     """The system's files that ninja recorded as read by the build of the targets."""
     inputs = lines("ninja", "-C", str(build), "-t", "inputs", *targets)
     objects = [name for name in inputs if name.endswith(".o")]
@@ -99,27 +104,36 @@ class Packages:
         return {path: package for package, path in rows if path in wanted}
 
 
-def write_licenses(folder: pathlib.Path, packages: Iterable[Package], of: Packages) -> list[str]:
-    """Writes each package's license there, and the texts that it names as every Debian's.
+def compiled_in(
+    build: pathlib.Path, targets: list[str], root: str | os.PathLike[str]
+) -> dict[Package, str]:
+    """The packages whose headers and static libraries the build read, and their licenses.
 
-    Returns the names of packages without one.
+    Those of the compiler itself are this machine's.
     """
+    top = str(pathlib.Path(root).resolve())
+    read = files_read(build, targets, top)
+    there = [path for path in read if top != "/" and path.startswith(top)]
+    found = {}
+    for paths, packages in ((there, Packages(top)), (set(read) - set(there), Packages("/"))):
+        owners = packages.owners(paths).values() if paths else []
+        found |= {package: packages.copyright(package) for package in owners}
+    return found
+
+
+def write_licenses(folder: pathlib.Path, texts: dict[Package, str]) -> None:
+    """Writes each package's license there, and the texts that it names as every Debian's."""
     folder.mkdir(parents=True, exist_ok=True)
     common: set[str] = set()
-    missing = []
-    for package in packages:
-        text = of.copyright(package)
-        if not text:
-            missing.append(package.name)
-            continue
-        (folder / f"{package.name}.txt").write_text(text)
-        common |= set(re.findall(r"/usr/share/common-licenses/([\w.+-]*\w)", text))
+    for package, text in texts.items():
+        if text:
+            (folder / f"{package.name}.txt").write_text(text)
+            common |= set(re.findall(r"/usr/share/common-licenses/([\w.+-]*\w)", text))
     for name in common:
         path = pathlib.Path("/usr/share/common-licenses") / name
         if path.exists():
             (folder / "common-licenses").mkdir(exist_ok=True)
             (folder / "common-licenses" / name).write_bytes(path.read_bytes())
-    return missing
 
 
 def write_table(path: pathlib.Path, rows: Iterable[tuple[str, Package]]) -> None:
@@ -132,3 +146,14 @@ def write_table(path: pathlib.Path, rows: Iterable[tuple[str, Package]]) -> None
 def read_table(path: pathlib.Path) -> list[tuple[str, Package]]:
     rows = (line.split("\t") for line in path.read_text().splitlines())
     return [(row[0], Package(*row[1:])) for row in rows]
+
+
+def main() -> None:
+    if len(sys.argv) < 3:
+        sys.exit("usage: docker/debian_packages.py ROOT FILE...")
+    owners = Packages(sys.argv[1]).owners(sys.argv[2:])
+    print(*sorted({package.name for package in owners.values()}), sep="\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -39,7 +39,6 @@ ELSEWHERE = {
 
 # Flags that the text names by themselves and that are other programs'.
 FOREIGN_FLAGS = {
-    "--platform": "docker build",
     "--cacert": "buf curl",
     "--header": "buf curl",
     "--http2-prior-knowledge": "buf curl",
