@@ -66,7 +66,7 @@ TEST_F(MappedPairTest, APageIsOneDocument) {
   const std::string html = isomatch_text_data(page_);
   EXPECT_EQ(isomatch_text_size(page_), static_cast<std::int64_t>(html.size()));
   EXPECT_THAT(html, HasSubstr("left.off"));
-  EXPECT_THAT(html, HasSubstr("\"verdict\",\"good\""));
+  EXPECT_THAT(html, HasSubstr("\"level\":\"good\""));
   EXPECT_THAT(html, HasSubstr("\"id\":\"confidence\""));
   EXPECT_THAT(html, HasSubstr("</html>"));
   ASSERT_EQ(MakePage(), ISOMATCH_OK);  // all that is optional left out
