@@ -191,7 +191,8 @@ class ArchiveTest(unittest.TestCase):
         self.assertGreater(len(found), 30)
         others = [path for path in found if not path.startswith(str(self.root))]
         self.assertEqual([p for p in others if not GLIBC.fullmatch(p.rpartition("/")[2])], [])
-        self.assertIn("listen", run(self.root / "bin/isomatch-server", "--help", env=alone))
+        server = [self.root / "bin/isomatch-server", "--config", self.root / "etc/server.toml"]
+        self.assertIn("listen", run(*server, "--print-config", env=alone))
 
     def test_licenses_and_bill_of_materials_name_what_is_inside(self):
         bill = json.loads((self.root / "sbom.spdx.json").read_text())
