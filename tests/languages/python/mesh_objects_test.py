@@ -31,6 +31,29 @@ class Vector:
         return np.array(self._values, dtype=dtype)
 
 
+class Collection:
+    """As Blender's: its columns are copied into arrays that the caller brings."""
+
+    def __init__(self, **columns):
+        self._columns = {name: np.asarray(values) for name, values in columns.items()}
+
+    def __len__(self):
+        return len(next(iter(self._columns.values())))
+
+    def foreach_get(self, name, flat):
+        flat[:] = self._columns[name].ravel()
+
+
+def blender_mesh():
+    """A square and a triangle, whose corners lie one after the other."""
+    return Mesh(
+        vertices=Collection(co=POINTS),
+        edges=(),
+        loops=Collection(vertex_index=[0, 1, 2, 3, 2, 4, 3]),
+        polygons=Collection(loop_start=[0, 4], loop_total=[4, 3]),
+    )
+
+
 class MeshObjectsTest(unittest.TestCase):
     def expect_house(self, mesh):
         found = as_mesh(mesh, "x")
@@ -57,6 +80,8 @@ class MeshObjectsTest(unittest.TestCase):
             "meshio, a quadrilateral": meshio.Mesh(
                 POINTS, [("quad", [[0, 1, 2, 3]]), ("triangle", [[2, 4, 3]])]
             ),
+            "Blender, a mesh": blender_mesh(),
+            "Blender, an object": Mesh(type="MESH", data=blender_mesh()),
         }  # fmt: skip
         for name, mesh in kinds.items():
             with self.subTest(name=name):
@@ -97,7 +122,7 @@ class MeshObjectsTest(unittest.TestCase):
             with self.subTest(type=type(value).__name__):
                 with self.assertRaises(TypeError) as caught:
                     isomatch.match(value, value)
-                for taken in ("(vertices, faces)", "a path", "Open3D", "meshio", "PyVista"):
+                for taken in ("(vertices, faces)", "a path", "Open3D", "PyVista", "Blender"):
                     self.assertIn(taken, str(caught.exception))
                 # As all that is wrong with an input.
                 self.assertIsInstance(caught.exception, isomatch.InvalidInput)
