@@ -1,19 +1,15 @@
-#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include "absl/strings/str_cat.h"
 #include "client/c/arguments.h"
 #include "client/c/mapped_pair.h"
 #include "client/c/objects.h"
 #include "client/files/face_finder.h"
 #include "client/files/place_file.h"
-#include "client/files/vertex_colors.h"
-#include "client/viewer/figures.h"
-#include "client/viewer/layers.h"
 #include "client/viewer/page.h"
 #include "client/viewer/pair_view.h"
+#include "client/viewer/view_details.h"
 #include "core/base/status_macros.h"
 
 namespace isomatch {
@@ -41,17 +37,6 @@ VertexMap PartnersOf(const MappedMeshes& meshes) {
       .HeaviestVertices();
 }
 
-absl::Status AddReport(const char* report, PairView& view) {
-  if (report == nullptr) return absl::OkStatus();
-  ISOMATCH_ASSIGN_OR_RETURN(
-      ReportFigures figures,
-      ParseReport("report", report, view.x.mesh.num_vertices(),
-                  view.y.mesh.num_vertices()));
-  view.figures = std::move(figures.tables);
-  view.warnings = std::move(figures.warnings);
-  return absl::OkStatus();
-}
-
 absl::StatusOr<std::string> MakePage(MappedMeshes meshes,
                                      const isomatch_page& page) {
   PairView view;
@@ -59,19 +44,14 @@ absl::StatusOr<std::string> MakePage(MappedMeshes meshes,
   view.y_from_x = PartnersOf(meshes);
   view.x = {TextOr(page.name_x, "X"), std::move(meshes.x)};
   view.y = {TextOr(page.name_y, "Y"), std::move(meshes.y)};
-  view.title =
-      TextOr(page.title, absl::StrCat(view.x.name, " \u2192 ", view.y.name));
-  view.colors_y = PositionRgb(view.y.mesh.positions);
-  view.rotation = ViewRotation(view.x.mesh, view.y.mesh, std::nullopt);
-  ISOMATCH_RETURN_IF_ERROR(AddReport(page.report, view));
-  const MappedPair pair = {view.x.mesh, view.y.mesh, view.y_from_x,
-                           view.precise};
-  view.layers.push_back(DistortionLayer(pair));
+  ViewDetails details = {.title = TextOr(page.title, ""),
+                         .report_path = "report"};
+  if (page.report != nullptr) details.report = page.report;
   if (page.confidence != nullptr) {
-    view.layers.push_back(ConfidenceLayer(
-        pair, {page.confidence, page.confidence + view.y_from_x.size()}));
+    details.confidence.assign(page.confidence,
+                              page.confidence + view.y_from_x.size());
   }
-  view.figures.insert(view.figures.begin(), MapFigures(view));
+  ISOMATCH_RETURN_IF_ERROR(AddDetails(std::move(details), view));
   return FormatPage(view, {});
 }
 

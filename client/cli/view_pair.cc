@@ -2,6 +2,7 @@
 
 #include <filesystem>
 #include <optional>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "client/files/map_file.h"
@@ -14,6 +15,7 @@
 #include "client/job/part_files.h"
 #include "client/viewer/figures.h"
 #include "client/viewer/layers.h"
+#include "client/viewer/view_details.h"
 #include "core/base/status_macros.h"
 
 namespace isomatch {
@@ -53,18 +55,22 @@ absl::Status AddError(const ViewFiles& files, const Terminal& terminal,
   return absl::OkStatus();
 }
 
-absl::Status AddReport(const std::string& path, PairView& view) {
-  ISOMATCH_ASSIGN_OR_RETURN(
-      const std::string bytes,
-      ReadFile(path, "a report that `isomatch match --report` wrote"));
-  ISOMATCH_ASSIGN_OR_RETURN(ReportFigures report,
-                            ParseReport(path, bytes, view.x.mesh.num_vertices(),
-                                        view.y.mesh.num_vertices()));
-  view.figures.insert(view.figures.end(), report.tables.begin(),
-                      report.tables.end());
-  // They repeat the meshes' warnings.
-  view.warnings = std::move(report.warnings);
-  return absl::OkStatus();
+absl::StatusOr<ViewDetails> ReadDetails(const ViewFiles& files,
+                                        VertexIndex vertices_x) {
+  ViewDetails details = {.title = files.title,
+                         .up = UpAxis(files.up),
+                         .report_path = files.report};
+  if (!files.report.empty()) {
+    ISOMATCH_ASSIGN_OR_RETURN(
+        details.report,
+        ReadFile(files.report,
+                 "a report that `isomatch match --report` wrote"));
+  }
+  if (!files.confidence.empty()) {
+    ISOMATCH_ASSIGN_OR_RETURN(details.confidence,
+                              ReadConfidence(files.confidence, vertices_x));
+  }
+  return details;
 }
 
 absl::StatusOr<std::vector<Rgb>> FileColors(const std::string& path,
@@ -105,30 +111,17 @@ absl::StatusOr<PairView> LoadPairView(const ViewFiles& files,
       PlacesOnY places, ReadPlaces(files.map, mesh_x.num_vertices(), mesh_y));
   view.y_from_x = places.HeaviestVertices();
   view.precise = std::move(places.on_faces);
-  view.title = files.title.empty()
-                   ? absl::StrCat(view.x.name, " \u2192 ", view.y.name)
-                   : files.title;
-  view.colors_y = PositionRgb(mesh_y.positions);
+  ISOMATCH_ASSIGN_OR_RETURN(ViewDetails details,
+                            ReadDetails(files, mesh_x.num_vertices()));
+  ISOMATCH_RETURN_IF_ERROR(AddDetails(std::move(details), view));
   if (files.file_colors) {
     ISOMATCH_ASSIGN_OR_RETURN(view.colors_x, FileColors(files.x, "X", x));
     ISOMATCH_ASSIGN_OR_RETURN(view.colors_y, FileColors(files.y, "Y", y));
   }
-  view.rotation = ViewRotation(mesh_x, mesh_y, UpAxis(files.up));
-  if (!files.report.empty()) {
-    ISOMATCH_RETURN_IF_ERROR(AddReport(files.report, view));
-  }
-  const MappedPair pair = {mesh_x, mesh_y, view.y_from_x, view.precise};
-  view.layers.push_back(DistortionLayer(pair));
-  if (!files.confidence.empty()) {
-    ISOMATCH_ASSIGN_OR_RETURN(
-        std::vector<float> confidence,
-        ReadConfidence(files.confidence, mesh_x.num_vertices()));
-    view.layers.push_back(ConfidenceLayer(pair, std::move(confidence)));
-  }
   if (!files.truth.empty()) {
+    const MappedPair pair = {mesh_x, mesh_y, view.y_from_x, view.precise};
     ISOMATCH_RETURN_IF_ERROR(AddError(files, terminal, pair, y.mesh, view));
   }
-  view.figures.insert(view.figures.begin(), MapFigures(view));
   return view;
 }
 
