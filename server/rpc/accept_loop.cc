@@ -1,15 +1,16 @@
 #include "server/rpc/accept_loop.h"
 
 #include <cerrno>
+#include <cstring>
 #include <new>
 #include <utility>
 #include <vector>
 
-#include <fcntl.h>
 #include <poll.h>
 #include <sys/eventfd.h>
 #include <sys/socket.h>
 
+#include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 
 namespace isomatch {
@@ -21,8 +22,9 @@ constexpr int kAtOnce = 64;
 constexpr std::chrono::milliseconds kAgain(50);
 constexpr int kSecond = 1000;  // of poll
 
-FileDescriptor OpenSpare() {
-  return FileDescriptor(open("/dev/null", O_RDONLY | O_CLOEXEC));
+/// Of no file: a container may be without /dev/null.
+FileDescriptor OpenEvent() {
+  return FileDescriptor(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK));
 }
 
 FileDescriptor AcceptOne(int listener, sockaddr_storage& peer) {
@@ -43,10 +45,11 @@ absl::StatusOr<std::unique_ptr<AcceptLoop>> AcceptLoop::Listen(
     const std::string& address, const ConnectionLimits& limits) {
   ISOMATCH_ASSIGN_OR_RETURN(ListeningSockets sockets,
                             ListeningSockets::Open(address));
-  FileDescriptor spare = OpenSpare();
-  FileDescriptor stop(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK));
+  FileDescriptor spare = OpenEvent();
+  FileDescriptor stop = OpenEvent();
   if (!spare.is_open() || !stop.is_open()) {
-    return absl::UnavailableError("no file descriptor is left");
+    return absl::UnavailableError(
+        absl::StrCat("cannot listen on ", address, ": ", std::strerror(errno)));
   }
   return std::unique_ptr<AcceptLoop>(new AcceptLoop(
       std::move(sockets), limits, std::move(spare), std::move(stop)));
@@ -102,7 +105,7 @@ void AcceptLoop::WaitForWork() {
   }
   const bool is_calm = spare_.is_open() && !refusals_.is_open();
   poll(waits.data(), waits.size(), is_calm ? -1 : kSecond);
-  if (!spare_.is_open()) spare_ = OpenSpare();
+  if (!spare_.is_open()) spare_ = OpenEvent();
 }
 
 // False when the next attempt should wait.
@@ -128,7 +131,7 @@ bool AcceptLoop::RefuseOne(int listener) {
   spare_.Close();
   sockaddr_storage peer{};
   const bool is_closed = AcceptOne(listener, peer).is_open();
-  spare_ = OpenSpare();
+  spare_ = OpenEvent();
   if (is_closed) {
     refusals_.Add(Refusal::kNoDescriptor, Refusals::Clock::now());
   }

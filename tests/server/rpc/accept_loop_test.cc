@@ -1,6 +1,8 @@
 #include "server/rpc/accept_loop.h"
 
 #include <cstring>
+#include <filesystem>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -12,11 +14,17 @@
 #include <sys/resource.h>
 #include <sys/socket.h>
 
+#include "absl/strings/match.h"
+
 namespace isomatch {
 namespace {
 
 using testing::AllOf;
+using testing::AnyOf;
+using testing::Each;
+using testing::Eq;
 using testing::HasSubstr;
+using testing::StartsWith;
 
 /// Until then a peer must have heard something.
 constexpr timeval kPatience = {.tv_sec = 20, .tv_usec = 0};
@@ -122,6 +130,8 @@ class NoDescriptors {
   }
   ~NoDescriptors() { setrlimit(RLIMIT_NOFILE, &before_); }
 
+  void LeaveOneMore() { files_.pop_back(); }
+
  private:
   rlimit before_{};
   std::vector<FileDescriptor> files_;
@@ -144,6 +154,48 @@ TEST_F(AcceptLoopTest, SurvivesThatThereAreNoDescriptors) {
   loop_->Stop();
   EXPECT_THAT(testing::internal::GetCapturedStdout(),
               HasSubstr("the process has no file descriptor left"));
+}
+
+// With each more that is left it gets further.
+TEST(AcceptLoopListenTest, TellsThatThereAreTooFewDescriptors) {
+  std::vector<std::string> told;
+  {
+    NoDescriptors none;
+    while (true) {
+      const auto loop = AcceptLoop::Listen("127.0.0.1:0", {});
+      if (loop.ok()) break;
+      EXPECT_EQ(loop.status().code(), absl::StatusCode::kUnavailable);
+      told.emplace_back(loop.status().message());
+      none.LeaveOneMore();
+    }
+  }
+  EXPECT_THAT(told,
+              Each(Eq("cannot listen on 127.0.0.1:0: Too many open files")));
+  EXPECT_GE(told.size(), 3U);  // listener, spare, stop
+}
+
+/// What this process has open, by descriptor, but the folder that tells so.
+std::map<std::string, std::string> OpenFiles() {
+  std::map<std::string, std::string> found;
+  for (const auto& entry :
+       std::filesystem::directory_iterator("/proc/self/fd")) {
+    const std::string file = std::filesystem::read_symlink(entry.path());
+    if (!absl::EndsWith(file, "/fd")) found[entry.path()] = file;
+  }
+  return found;
+}
+
+// There may be none: a container without /dev has no /dev/null.
+TEST_F(AcceptLoopTest, NeedsNoFile) {
+  const auto before = OpenFiles();
+  Start({.most = 10, .of_one_address = 0});
+  int added = 0;
+  for (const auto& [descriptor, file] : OpenFiles()) {
+    if (before.count(descriptor) > 0) continue;
+    ++added;
+    EXPECT_THAT(file, AnyOf(StartsWith("socket:"), "anon_inode:[eventfd]"));
+  }
+  EXPECT_GE(added, 3);  // listener, spare, stop
 }
 
 TEST_F(AcceptLoopTest, AfterStopNobodyIsHandedOver) {
