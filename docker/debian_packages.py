@@ -20,6 +20,12 @@ from collections.abc import Iterable
 FIELDS = (
     "${Package}\t${Version}\t${source:Package}\t${source:Version}\t${Architecture}\n"
 )
+# Names of libraries. glibc's, which are as old as Debian 12's or newer, are never bundled:
+# they have to be those of the loader that starts the program.
+GLIBC = re.compile(
+    r"(libc|libm|libmvec|libdl|libpthread|librt|libresolv|libutil|libanl|ld-linux.*)\.so\..*"
+)
+CXX = re.compile(r"(libgcc_s|libstdc\+\+)\.so\..*")
 
 
 @dataclasses.dataclass(frozen=True, order=True)
