@@ -49,9 +49,17 @@ def both_names(path: str) -> set[str]:
 
 
 def files_read(build: pathlib.Path, targets: list[str], root: str) -> list[str]:
-    """The system's files that ninja recorded as read by the build of the targets."""
+    """The system's files that ninja recorded as read by the build of the targets.
+
+    Ends the program where there is no such record: then nobody knows the files.
+    """
     inputs = lines("ninja", "-C", str(build), "-t", "inputs", *targets)
     objects = [name for name in inputs if name.endswith(".o")]
+    if not objects:
+        sys.exit(f"{build}: ninja knows no objects of {', '.join(targets)}, expected what it built")
+    missing = [name for name in objects if not (build / name).exists()]
+    if missing:
+        sys.exit(f"{build}: {missing[0]}, of which {', '.join(targets)} is made, is not built")
     read = [line.strip() for line in lines("ninja", "-C", str(build), "-t", "deps", *objects)]
     usr = ("/usr/", f"{root}/usr/")
     return sorted({os.path.realpath(name) for name in read + inputs if name.startswith(usr)})

@@ -242,6 +242,14 @@ class ArchiveTest(unittest.TestCase):
         said = run(SOURCE / "docker/bundle_libraries", self.folder / "lib", broken, status=1)
         self.assertIn("libnowhere.so.3, which broken needs, is in no lib/", said)
 
+    def test_whose_headers_were_compiled_in_is_never_guessed(self):
+        empty = self.folder / "empty"
+        empty.mkdir()
+        for build, target in ((BUILD, "bin/nothing"), (empty, "bin/isomatch")):
+            said = run(SOURCE / "docker/compiled_in", build, self.folder / "none", target, status=1)
+            self.assertIn(f"{build}: ninja knows no objects of {target}", said)
+        self.assertFalse((self.folder / "none").exists())
+
 
 if __name__ == "__main__":
     unittest.main()

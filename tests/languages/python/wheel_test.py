@@ -84,6 +84,28 @@ class WheelTest(unittest.TestCase):
         # Debian's texts only name these.
         self.assertTrue(list(unpacked.glob("isomatch/lib/licenses/common-licenses/*")))
 
+    def test_it_has_the_licenses_of_what_was_compiled_in(self):
+        with zipfile.ZipFile(self.wheel) as wheel:
+            names = set(wheel.namelist())
+            table = wheel.read("isomatch/lib/compiled.tsv").decode()
+            page = wheel.read("isomatch/lib/licenses/isomatch.txt").decode()
+        packages = {line.partition("\t")[0] for line in table.splitlines()}
+        self.assertLess(
+            {"libeigen3-dev", "libspectra-dev", "libtinygltf-dev", "nlohmann-json3-dev"}, packages
+        )
+        self.assertFalse({"libgtest-dev", "libcli11-dev"} & packages, "of other programs")
+        texts = {f"isomatch/lib/licenses/{package}.txt" for package in packages}
+        self.assertEqual(texts - names, set())
+        self.assertIn("isomatch/lib/licenses/common-licenses/MPL-2.0", names)  # Eigen's
+        self.assertIn("three.js authors", page)
+
+    def test_a_library_from_elsewhere_is_refused(self):
+        elsewhere = self.folder / "libisomatch.so.0"
+        shutil.copy(LIBRARY, elsewhere)
+        with self.assertRaisesRegex(AssertionError, "expected a library where it was built"):
+            run(sys.executable, BUILD_WHEEL, elsewhere, self.folder / "none")
+        self.assertFalse((self.folder / "none").exists())
+
     def test_each_python_of_this_machine_matches_with_it_alone(self):
         x, y = support.pair()
         pythons = {**support.other_pythons(), "this one": pathlib.Path(sys.executable)}
