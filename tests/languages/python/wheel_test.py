@@ -52,6 +52,11 @@ class WheelTest(unittest.TestCase):
         self.assertRegex(
             self.wheel.name, r"^isomatch-[\d.]+-py3-none-manylinux_2_36_x86_64\.whl$"
         )
+        # It belongs where a system keeps what is of one kind of machine.
+        with zipfile.ZipFile(self.wheel) as wheel:
+            [about] = [name for name in wheel.namelist() if name.endswith(".dist-info/WHEEL")]
+            said = wheel.read(about).decode()
+        self.assertIn("Root-Is-Purelib: false\nTag: py3-none-manylinux_2_36_x86_64\n", said)
 
     def test_the_same_library_gives_the_same_bytes(self):
         digests = {
