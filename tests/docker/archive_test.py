@@ -55,6 +55,11 @@ def patch(name, *arguments):
     return plant
 
 
+def change_mode(root, name, mode):
+    replace(root / name, (root / name).read_bytes())
+    (root / name).chmod(mode)
+
+
 def need_newer_glibc(root):
     path = root / "lib/libtbb.so.12"
     newest = max(re.findall(rb"GLIBC_2\.\d\d", path.read_bytes()))
@@ -93,6 +98,26 @@ FAULTS = {
         move_runtime,
         r"lib/libstdc\+\+.so.6: expected in lib/c\+\+",
     ),
+    "a library that others load finds nothing": (
+        patch("lib/libisomatch.so.0", "--remove-rpath"),
+        r"lib/libisomatch.so.0: needs \S+, which lib/libisomatch.so.0 does not find",
+    ),
+    "another loader": (
+        patch("bin/isomatch-server", "--set-interpreter", "/opt/ld.so"),
+        "bin/isomatch-server: started by /opt/ld.so, expected /lib",
+    ),
+    "a library of another name": (
+        patch("lib/libgmp.so.10", "--set-soname", "libgmp.so.11"),
+        "lib/libgmp.so.10: calls itself libgmp.so.11, expected its file's name",
+    ),
+    "a library that is none": (
+        lambda root: replace(root / "lib/libffi.so.8", b""),
+        "lib/libffi.so.8: neither a program nor a library",
+    ),
+    "a program that is not executable": (
+        lambda root: change_mode(root, "bin/isomatch", 0o644),
+        "bin/isomatch: mode 644, expected 755",
+    ),
     "another file": (
         lambda root: replace(root / "CHANGELOG.md", b"Another."),
         "CHANGELOG.md: its SHA-256 is not that of the bill of materials",
@@ -102,12 +127,24 @@ FAULTS = {
         "bin/more: in the archive alone",
     ),
     "a file that others may write": (
-        lambda root: replace(root / "LICENSE", b"") or (root / "LICENSE").chmod(0o666),
+        lambda root: change_mode(root, "LICENSE", 0o666),
         "LICENSE: mode 666, expected 644 or 755",
     ),
     "a license is missing": (
         lambda root: (root / "share/doc/isomatch/licenses/libre2-9.txt").unlink(),
-        "lib/libre2.so.9: no license",
+        "libre2-9: no license",
+    ),
+    "a license of headers is missing": (
+        lambda root: (root / "share/doc/isomatch/licenses/libeigen3-dev.txt").unlink(),
+        "libeigen3-dev: no license",
+    ),
+    "the page's licenses are missing": (
+        lambda root: (root / "share/doc/isomatch/licenses/isomatch.txt").unlink(),
+        "licenses/isomatch.txt: missing",
+    ),
+    "a link is missing": (
+        lambda root: (root / "lib/libisomatch.so").unlink(),
+        "lib/libisomatch.so: missing",
     ),
     "a license's text is missing": (
         lambda root: (root / "share/doc/isomatch/licenses/common-licenses/GPL-2").unlink(),
