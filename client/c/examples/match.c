@@ -15,10 +15,10 @@ static int show(void* user, const char* stage, double stage_fraction,
 }
 
 /* Says what went wrong, if anything did; returns whether nothing did. */
-static int is_ok(isomatch_status status, isomatch_error* error) {
+static int is_ok(isomatch_status status, isomatch_error** error) {
   if (status == ISOMATCH_OK) return 1;
-  fprintf(stderr, "\n%s\n", isomatch_error_message(error));
-  isomatch_error_free(error);
+  fprintf(stderr, "\n%s\n", isomatch_error_message(*error));
+  isomatch_error_free(*error);
   return 0;
 }
 
@@ -40,13 +40,13 @@ int main(int argc, char** argv) {
     fprintf(stderr, "usage: %s X Y\n", argv[0]);
     return 2;
   }
-  if (is_ok(isomatch_mesh_file_read(argv[1], &x, &error), error) &&
-      is_ok(isomatch_mesh_file_read(argv[2], &y, &error), error)) {
+  if (is_ok(isomatch_mesh_file_read(argv[1], &x, &error), &error) &&
+      is_ok(isomatch_mesh_file_read(argv[2], &y, &error), &error)) {
     /* Arrays of one's own do as well: an isomatch_mesh only points to them. */
     const isomatch_pair pair = {.mesh_x = isomatch_mesh_file_mesh(x),
                                 .mesh_y = isomatch_mesh_file_mesh(y)};
     const isomatch_control control = {.progress = show};
-    if (is_ok(isomatch_match(&pair, NULL, &control, &result, &error), error)) {
+    if (is_ok(isomatch_match(&pair, NULL, &control, &result, &error), &error)) {
       print_map(result);
     }
   }

@@ -22,24 +22,24 @@ using Shape = std::unique_ptr<isomatch_shape, Free<isomatch_shape_free>>;
 using Result = std::unique_ptr<isomatch_result, Free<isomatch_result_free>>;
 using Error = std::unique_ptr<isomatch_error, Free<isomatch_error_free>>;
 
-void Check(isomatch_status status, isomatch_error* error) {
-  const Error owned(error);
+void Check(isomatch_status status, isomatch_error** error) {
+  const Error owned(*error);
   if (status != ISOMATCH_OK) {
-    throw std::runtime_error(isomatch_error_message(error));
+    throw std::runtime_error(isomatch_error_message(owned.get()));
   }
 }
 
 MeshFile Read(const char* path) {
   isomatch_mesh_file* file = nullptr;
   isomatch_error* error = nullptr;
-  Check(isomatch_mesh_file_read(path, &file, &error), error);
+  Check(isomatch_mesh_file_read(path, &file, &error), &error);
   return MeshFile(file);
 }
 
 Shape Prepare(const isomatch_mesh* mesh) {
   isomatch_shape* shape = nullptr;
   isomatch_error* error = nullptr;
-  Check(isomatch_prepare(mesh, nullptr, nullptr, &shape, &error), error);
+  Check(isomatch_prepare(mesh, nullptr, nullptr, &shape, &error), &error);
   return Shape(shape);
 }
 
@@ -49,7 +49,7 @@ Result Match(const isomatch_shape* shape, const isomatch_mesh* mesh) {
   pair.mesh_y = mesh;
   isomatch_result* result = nullptr;
   isomatch_error* error = nullptr;
-  Check(isomatch_match(&pair, nullptr, nullptr, &result, &error), error);
+  Check(isomatch_match(&pair, nullptr, nullptr, &result, &error), &error);
   return Result(result);
 }
 
