@@ -155,8 +155,7 @@ class MatchResult:
         if len(values) != self.vertices_y:
             raise invalid("values_y", f"{len(values)} rows, expected {self.vertices_y}")
         if interpolate is None:
-            first = values[0][0] if isinstance(values[0], (list, tuple)) else values[0]
-            interpolate = self.precise is not None and isinstance(first, float)
+            interpolate = self.precise is not None and any(map(_is_real, values))
         if interpolate and self.precise is None:
             raise invalid("interpolate", "there is no precise map, expected precise=True")
         if not interpolate:
@@ -238,6 +237,13 @@ class MatchResult:
             ],
         }
         return _without_nan(found)
+
+
+def _is_real(value: Any) -> bool:
+    """Whether a number has a point, or one of a list of numbers."""
+    if isinstance(value, (list, tuple)):
+        return any(map(_is_real, value))
+    return isinstance(value, float)
 
 
 def _mean(rows: list[Any], weights: Any) -> Any:

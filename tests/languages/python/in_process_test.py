@@ -63,6 +63,8 @@ assert len(result.functional_map(4).fmap_x_from_y[3]) == 4
 heights = result.transfer([row[2] for row in vertices]), result.transfer(vertices)
 assert all(abs(h - row[2]) < 1e-12 for h, row in zip(*heights))
 assert max(abs(h - vertices[y][2]) for h, y in zip(heights[0], result.y_from_x)) > 0
+steps = [y / 7 for y in range(900)]
+assert result.transfer([0, *steps[1:]]) == result.transfer(steps)  # numbers, not labels
 carried = result.transfer(["vertex %d" % y for y in range(900)])
 assert carried[5] == "vertex %d" % result.y_from_x[5]
 assert "</html>" in result.page()
