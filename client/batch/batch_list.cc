@@ -144,12 +144,12 @@ absl::Status SameName(const std::string& name) {
 }  // namespace
 
 absl::StatusOr<std::vector<BatchPair>> ReadBatchList(const std::string& path) {
-  ISOMATCH_ASSIGN_OR_RETURN(const std::string text,
-                            ReadFile(path, "a list of pairs"));
+  ISOMATCH_ASSIGN_OR_RETURN(const InputFile file,
+                            ReadInput(path, "a list of pairs"));
   std::vector<BatchPair> pairs;
   std::set<std::string> names;
   int number = 0;
-  for (const absl::string_view line : absl::StrSplit(text, '\n')) {
+  for (const absl::string_view line : absl::StrSplit(file.bytes, '\n')) {
     ++number;
     const std::optional<std::vector<std::string>> words = SplitPaths(line);
     if (!words) return LineError(path, number, "expected a second \"");

@@ -85,8 +85,12 @@ isomatch::MeshSize SizeOf(const isomatch_mesh* mesh,
 
 absl::StatusOr<std::vector<Landmark>> LandmarksOf(const isomatch_pair& pair) {
   const std::int64_t count = pair.num_landmarks;
-  if (count < 0 || (count > 0 && pair.landmarks == nullptr)) {
-    return Invalid("landmarks", absl::StrCat("expected ", count, " of them"));
+  if (count < 0) {
+    return Invalid("num_landmarks",
+                   absl::StrCat(count, ", expected 0 or more"));
+  }
+  if (count > 0 && pair.landmarks == nullptr) {
+    return Invalid("landmarks", absl::StrCat("NULL, expected ", count));
   }
   std::vector<Landmark> own;
   own.reserve(static_cast<std::size_t>(count));

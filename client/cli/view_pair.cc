@@ -5,11 +5,11 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "client/files/input_file.h"
 #include "client/files/map_file.h"
 #include "client/files/mesh_file.h"
 #include "client/files/mesh_input.h"
 #include "client/files/place_file.h"
-#include "client/files/text_file.h"
 #include "client/files/vertex_colors.h"
 #include "client/job/map_errors.h"
 #include "client/job/part_files.h"
@@ -62,9 +62,10 @@ absl::StatusOr<ViewDetails> ReadDetails(const ViewFiles& files,
                          .report_path = files.report};
   if (!files.report.empty()) {
     ISOMATCH_ASSIGN_OR_RETURN(
-        details.report,
-        ReadFile(files.report,
-                 "a report that `isomatch match --report` wrote"));
+        InputFile report,
+        ReadInput(files.report,
+                  "a report that `isomatch match --report` wrote"));
+    details.report = std::move(report.bytes);
   }
   if (!files.confidence.empty()) {
     ISOMATCH_ASSIGN_OR_RETURN(details.confidence,

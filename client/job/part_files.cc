@@ -8,6 +8,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "client/files/face_finder.h"
+#include "client/files/input_file.h"
 #include "client/files/text_file.h"
 #include "core/base/status_macros.h"
 
@@ -50,10 +51,10 @@ std::string FormatConfidence(absl::Span<const float> confidence) {
 absl::StatusOr<std::vector<float>> ReadConfidence(const std::string& path,
                                                   std::int64_t vertices_x) {
   ISOMATCH_ASSIGN_OR_RETURN(
-      const std::string text,
-      ReadFile(path, "confidence: one number from 0 to 1 a line"));
+      const InputFile file,
+      ReadInput(path, "confidence: one number from 0 to 1 a line"));
   std::vector<float> confidence;
-  for (LineCursor rows = {text}; rows.Next();) {
+  for (LineCursor rows = {file.bytes}; rows.Next();) {
     float value = 0;
     // The comparison is false for NaN.
     if (!absl::SimpleAtof(rows.line, &value) || !(0 <= value && value <= 1)) {

@@ -115,7 +115,7 @@ class MatchResult:
         return self.spectral.first(integer("k", k, 1, most))
 
     def transfer(
-        self, values_y: ArrayLike, *, interpolate: bool | None = None, missing: Any = 0
+        self, values_y: ArrayLike, *, interpolate: bool | None = None, missing: Any = None
     ) -> NDArray[Any]:
         """Returns the values of Y's vertices carried to X's.
 
@@ -123,8 +123,9 @@ class MatchResult:
         skin weights. interpolate: between the vertices of the face that `precise` names,
         for smooth values; by default where that is there and they are floating-point
         numbers, and never for integers and labels. Weights that sum to 1 do so on X.
-        missing: where there is no match. Texture coordinates with seams: see
-        transfer_texture.
+        missing: what vertices without a match get, by default -1 for integers, NaN for
+        floating-point numbers, and what is empty or false of other types. Texture
+        coordinates with seams: see transfer_texture.
         """
         if np is None:
             return self._transfer_lists(values_y, interpolate, missing)
@@ -147,6 +148,13 @@ class MatchResult:
             carried = np.einsum(
                 "nk,nk...->n...", self.precise.weights, values[self.precise.vertices]
             )
+        if self.matched.all():
+            return carried
+        if missing is None:
+            missing = {"i": -1, "u": -1, "f": np.nan, "c": np.nan}.get(
+                carried.dtype.kind, np.zeros((), carried.dtype)[()]
+            )
+        carried = carried.astype(np.result_type(carried.dtype, np.min_scalar_type(missing)))
         carried[~self.matched] = missing
         return carried
 
@@ -154,10 +162,14 @@ class MatchResult:
         """Rows are numbers, or lists of them, or anything that is not interpolated."""
         if len(values) != self.vertices_y:
             raise invalid("values_y", f"{len(values)} rows, expected {self.vertices_y}")
+        real = any(map(_is_real, values))
+        if missing is None:
+            missing = math.nan if real else -1 if isinstance(values[0], (int, list, tuple)) else ""
         if interpolate is None:
-            interpolate = self.precise is not None and any(map(_is_real, values))
+            interpolate = self.precise is not None and real
         if interpolate and self.precise is None:
             raise invalid("interpolate", "there is no precise map, expected precise=True")
+        missing = _in_shape_of(values[0], missing)
         if not interpolate:
             return [missing if y < 0 else values[y] for y in self.y_from_x]
         assert self.precise is not None
@@ -244,6 +256,11 @@ def _is_real(value: Any) -> bool:
     if isinstance(value, (list, tuple)):
         return any(map(_is_real, value))
     return isinstance(value, float)
+
+
+def _in_shape_of(row: Any, value: Any) -> Any:
+    """The value, or a list of as many as the row has."""
+    return [_in_shape_of(entry, value) for entry in row] if isinstance(row, (list, tuple)) else value
 
 
 def _mean(rows: list[Any], weights: Any) -> Any:

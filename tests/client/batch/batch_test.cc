@@ -21,6 +21,7 @@
 #include "server/jobs/errors.h"
 #include "server/rpc/grpc_status.h"
 #include "tests/client/cli/run_isomatch.h"
+#include "tests/client/files/gzip.h"
 #include "tests/server/test_server.h"
 #include "tests/support/matchers.h"
 #include "tests/support/shapes.h"
@@ -68,6 +69,8 @@ class BatchTest : public TestServer {
   const std::string out_ = folder_.Path("out/maps");
   const std::string list_ =
       folder_.Write("pairs.txt", "# two pairs\n\na b\na.off c.ply # sphere\n");
+  const std::string packed_list_ =
+      folder_.Write("packed.txt.gz", Gzip("a b\na.off c.ply\n"));
 };
 
 TEST_F(BatchTest, MatchesEveryPairAndKeepsWhatIsDone) {
@@ -81,6 +84,8 @@ TEST_F(BatchTest, MatchesEveryPairAndKeepsWhatIsDone) {
   const CommandOutcome again = Batch({list_, "--json"});
   ASSERT_EQ(again.status, kExitSuccess) << again.err;
   EXPECT_THAT(States(again), ElementsAre("kept", "kept"));
+  EXPECT_THAT(States(Batch({packed_list_, "--json"})),
+              ElementsAre("kept", "kept"));
   EXPECT_EQ(matches_, 2);
   EXPECT_EQ(
       json::parse(again.out.substr(0, again.out.find('\n')))["vertices_x"], 42);

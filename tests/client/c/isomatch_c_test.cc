@@ -241,7 +241,9 @@ TEST_F(IsomatchCTest, WrongArgumentsAreNamed) {
   pair_.num_landmarks = 1;
   ExpectInvalid("landmarks[0].y", "10000");
   pair_.landmarks = nullptr;
-  ExpectInvalid("landmarks", "expected 1 of them");
+  ExpectInvalid("landmarks", "NULL, expected 1");
+  pair_.num_landmarks = -1;
+  ExpectInvalid("num_landmarks", "-1, expected 0 or more");
   pair_.num_landmarks = 0;
   const Own<isomatch_shape> x = Prepare(borrowed_x_);
   pair_.shape_x = x.get();

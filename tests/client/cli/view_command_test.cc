@@ -10,6 +10,7 @@
 #include "client/files/mesh_file.h"
 #include "client/files/text_file.h"
 #include "tests/client/cli/run_isomatch.h"
+#include "tests/client/files/gzip.h"
 #include "tests/support/matchers.h"
 #include "tests/support/shapes.h"
 #include "tests/support/temporary_folder.h"
@@ -76,9 +77,9 @@ TEST_F(ViewCommandTest, WritesAPageAndAPicture) {
 
 TEST_F(ViewCommandTest, ShowsConfidenceErrorAndReport) {
   const std::string confidence =
-      folder_.Write("c.txt", "# from match\n" + Numbers(42, "0.5"));
+      folder_.Write("c.txt", Gzip("# from match\n" + Numbers(42, "0.5")));
   const std::string report =
-      folder_.Write("r.json", R"({"total_seconds": 1.25})");
+      folder_.Write("r.json", Gzip(R"({"total_seconds": 1.25})"));
   const CommandOutcome outcome =
       View({"-o", page_, "--png", png_, "--confidence", confidence, "--truth",
             map_, "--report", report, "--title", "A & B", "--layer", "error",

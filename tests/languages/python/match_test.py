@@ -71,8 +71,21 @@ class MatchTest:
                     support.map_of_command_line(x, y),
                 )
                 self.assertEqual(result.info.unmatched, spare)
-                carried = result.transfer(np.ones(900), missing=np.nan)
-                self.assertEqual(np.isnan(carried).sum(), spare)
+                for values, missing in (
+                    (np.arange(900, dtype=np.int32), -1),
+                    (np.arange(900, dtype=np.uint8), -1),
+                    (np.array(["a"] * 900), ""),
+                    (np.ones(900, bool), False),
+                ):
+                    carried = result.transfer(values)
+                    np.testing.assert_array_equal(carried[:spare], [missing] * spare)
+                    np.testing.assert_array_equal(carried[spare], values[result.y_from_x[spare]])
+                    self.assertIn(carried.dtype, (values.dtype, np.int16))
+                weights = result.transfer(np.full((900, 4), 0.25))
+                self.assertTrue(np.isnan(weights[:spare]).all())
+                np.testing.assert_allclose(weights[spare:], 0.25, atol=1e-6)
+                named = result.transfer(np.array(["a"] * 900), missing="none")
+                self.assertEqual((named[0], named[-1]), ("none", "a"))
 
     def test_landmarks_are_kept_or_reported(self):
         true = support.truth()
