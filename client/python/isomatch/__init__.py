@@ -6,7 +6,8 @@
 
 `match` does it all in this process; `prepare` is for a mesh that is matched many times.
 `Client` and `Job` are for jobs on a server, started, watched and fetched apart, also
-from several processes. See client/README.md.
+from several processes. The manual is client/README.md of the project; what it says of
+Python is in the wheel: importlib.metadata.metadata("isomatch").get_payload().
 """
 
 from __future__ import annotations

@@ -58,6 +58,15 @@ class WheelTest(unittest.TestCase):
             said = wheel.read(about).decode()
         self.assertIn("Root-Is-Purelib: false\nTag: py3-none-manylinux_2_36_x86_64\n", said)
 
+    def test_it_has_the_manual(self):
+        with zipfile.ZipFile(self.wheel) as wheel:
+            [about] = [name for name in wheel.namelist() if name.endswith(".dist-info/METADATA")]
+            said = wheel.read(about).decode()
+        self.assertIn("Description-Content-Type: text/markdown\n", said)
+        for part in ("isomatch.match(", "## Python\n", "## Files\n", "server=", "glTF"):
+            self.assertIn(part, said)
+        self.assertNotIn("](", said, "there is nothing to link to")
+
     def test_the_same_library_gives_the_same_bytes(self):
         digests = {
             hashlib.sha256(wheel.read_bytes()).hexdigest()
