@@ -30,20 +30,31 @@ const notices = ['three', 'three-mesh-bvh'].map((name) =>
 notices.push('Draco decoder\n\nCopyright The Draco Authors, Apache License, Version 2.0');
 const notice = `/*!\nThis page contains:\n\n${notices.join('\n\n')}\n*/\n`;
 
-/** Writes the page `name`.html with its script and style in it. */
+const source = (name) => readFileSync(join(here, 'src', name), 'utf8').trimEnd();
+
+/** Writes the page `name`.html, its marks replaced in this order, what both pages have first. */
 async function writePage(output, name, parts) {
-  let page = readFileSync(join(here, 'src', `${name}.html`), 'utf8');
-  for (const [mark, text] of Object.entries(parts)) page = page.replace(mark, () => text);
-  writeFileSync(output, page);
+  let page = source(`${name}.html`);
+  for (const [mark, text] of Object.entries({
+    '<!--HEAD-->': source('head.html'), '<!--SHOWN-->': source('shown.html'), ...parts,
+  })) {
+    if (!page.includes(mark)) throw new Error(`${name}.html has no ${mark}`);
+    page = page.replace(mark, () => text);
+  }
+  writeFileSync(output, `${page}\n`);
 }
 
 const [pairOutput, folderOutput] = process.argv.slice(2);
 await writePage(pairOutput, 'page', {
+  '/*FRAMES*/': '',
   '/*STYLE*/': await bundle('style.css'),
   '/*DRACO*/': inScript(notice + draco),
   '/*SCRIPT*/': inScript(await bundle('main.js')),
 });
 await writePage(folderOutput, 'folder', {
+  '/*FRAMES*/': "; frame-src 'self' file:",
+  // Its script has the other mark, to put the page of a pair together.
+  '<!--TITLE-->': '<!--FOLDER-->',
   '/*STYLE*/': await bundle('folder.css'),
   '/*SCRIPT*/': inScript(await bundle('folder.js')),
 });
