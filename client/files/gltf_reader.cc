@@ -81,7 +81,9 @@ class GltfReader {
     std::vector<int> roots;
     if (model_.nodes.empty()) {
       for (std::size_t m = 0; m < model_.meshes.size(); ++m) {
-        if (auto fault = PlaceMesh(static_cast<int>(m), {})) return fault;
+        if (auto fault = PlaceMesh(static_cast<int>(m), Place().transform)) {
+          return fault;
+        }
       }
       return std::nullopt;
     }

@@ -130,6 +130,14 @@ TEST_F(GltfReaderTest, VerticesKeepTheirOrder) {
   EXPECT_FALSE(loaded.texture->has_value());
 }
 
+TEST_F(GltfReaderTest, MeshesThatNoNodePlacesLieWhereTheyAre) {
+  Scene scene = Square();
+  for (const char* const key : {"scene", "scenes", "nodes"}) {
+    scene.json.erase(key);
+  }
+  EXPECT_EQ(Good(scene).mesh.positions, Good(Square()).mesh.positions);
+}
+
 TEST_F(GltfReaderTest, NodesPlaceTheirMeshesInOrder) {
   Scene scene = Square();
   // The root turns x to y and moves; its children scale and mirror.
