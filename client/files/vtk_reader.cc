@@ -204,17 +204,53 @@ class VtkReader {
     for (std::int64_t i = 0; i < arrays; ++i) {
       std::int64_t components = 0;
       std::int64_t tuples = 0;
-      VtkNumberType type;
-      std::vector<double> ignored;
       if (Word().empty()) return Fault("the file ends in a FIELD");
       if (auto fault = Count("components", &components)) return fault;
       if (auto fault = Count("tuples", &tuples)) return fault;
-      if (auto fault = Type(&type)) return fault;
-      if (auto fault = Numbers(components * tuples, type, &ignored)) {
-        return fault;
-      }
+      if (auto fault = SkipArray(components * tuples)) return fault;
     }
     return std::nullopt;
+  }
+
+  std::optional<MeshFault> SkipArray(std::int64_t count) {
+    const std::size_t at = at_;
+    const int line = line_;
+    if (absl::AsciiStrToLower(Word()) == "string") return SkipTexts(count);
+    at_ = at;
+    line_ = line;
+    VtkNumberType type;
+    std::vector<double> ignored;
+    if (auto fault = Type(&type)) return fault;
+    return Numbers(count, type, &ignored);
+  }
+
+  // Texts are a line each or, in a binary file, follow their lengths.
+  std::optional<MeshFault> SkipTexts(std::int64_t count) {
+    Line();
+    for (; count > 0; --count) {
+      if (at_ == bytes_.size() || (is_binary_ && !SkipBinaryText())) {
+        return Fault(absl::StrCat("the file ends, expected ", count,
+                                  " texts more of an array of a FIELD"));
+      }
+      if (!is_binary_) Line();
+    }
+    return std::nullopt;
+  }
+
+  // The first two bits say how many bytes the length has, big endian: 8, 4, 2
+  // or 1, of which they are the first. False when the file ends before.
+  bool SkipBinaryText() {
+    const auto first = static_cast<unsigned char>(bytes_[at_]);
+    const std::size_t size = std::size_t{8} >> (first >> 6);
+    if (bytes_.size() - at_ < size) return false;
+    std::uint64_t length = first & 0x3f;
+    for (std::size_t i = 1; i < size; ++i) {
+      length = length << 8 | static_cast<unsigned char>(bytes_[at_ + i]);
+    }
+    at_ += size;
+    if (bytes_.size() - at_ < length) return false;
+    at_ += length;
+    return true;
   }
 
   std::optional<MeshFault> Count(const char* of, std::int64_t* count) {

@@ -95,6 +95,36 @@ TEST_F(VtkReaderTest, BinaryNumbersAreBigEndian) {
                    BigEndian<std::int32_t>({3, 0, 1, 2, 3, 0, 2, 3}), "\n"));
 }
 
+// As VTK writes an array of texts, e.g. the coordinate system.
+TEST_F(VtkReaderTest, TextsOfFieldsAreSkipped) {
+  const std::string field = "DATASET POLYDATA\nFIELD FieldData 2\n";
+  const std::string texts = "SPACE 1 3 string\n";
+  const std::string time = "Time 1 1 float\n";
+  const std::string head = absl::StrCat(kVtkHead, "ASCII\n", field, texts);
+  const std::string rest = absl::StrCat(
+      time, "0.5\nPOINTS 4 float\n", kVtkPoints, "\nPOLYGONS 1 5\n4 0 1 2 3\n");
+  ExpectSquare("t.vtk", absl::StrCat(head, "LPS\n\na%20b c\n", rest));
+  ExpectRefused("t.vtk", absl::StrCat(head, "LPS\n"),
+                "line 8: the file ends, expected 2 texts more");
+
+  // Lengths of one, two and four bytes.
+  const std::string packed = absl::StrCat(
+      "\xc3", "LPS", "\x80", BigEndian<std::uint8_t>({70}),
+      std::string(70, '\n'), "\x40", BigEndian<std::uint8_t>({0, 0, 2}), "ab");
+  const std::string binary = absl::StrCat(
+      kVtkHead, "BINARY\n", field, texts, packed, "\n", time,
+      BigEndian<float>({0.5}), "\nPOINTS 4 float\n",
+      BigEndian<float>({0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0}),
+      "\nPOLYGONS 1 5\n", BigEndian<std::int32_t>({4, 0, 1, 2, 3}), "\n");
+  ExpectSquare("t.vtk", binary);
+  ExpectRefused("t.vtk",
+                absl::StrCat(kVtkHead, "BINARY\n", field, texts, "\xc9", "LPS"),
+                "the file ends, expected 3 texts more");
+  ExpectRefused("t.vtk",
+                absl::StrCat(kVtkHead, "BINARY\n", field, texts, "\x3f", "PS"),
+                "the file ends, expected 3 texts more");
+}
+
 TEST_F(VtkReaderTest, StripsAlternate) {
   const auto loaded =
       Read("s.vtk",
