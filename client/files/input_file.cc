@@ -167,8 +167,12 @@ absl::StatusOr<InputFile> ReadInput(const std::string& path,
     }
     bytes = *std::move(unpacked);
   }
-  return InputFile{std::move(bytes),
-                   is_file ? LowerExtension(WithoutGz(path)) : ""};
+  std::string extension = is_file ? LowerExtension(WithoutGz(path)) : "";
+  // The header of a binary STL may have any bytes.
+  if (extension != ".stl" && absl::StartsWith(bytes, kByteOrderMark)) {
+    bytes.erase(0, kByteOrderMark.size());
+  }
+  return InputFile{std::move(bytes), std::move(extension)};
 }
 
 }  // namespace isomatch

@@ -8,6 +8,9 @@
 
 namespace isomatch {
 
+/// What some editors write before a text in UTF-8.
+inline constexpr absl::string_view kByteOrderMark = "\xEF\xBB\xBF";
+
 /// The path that stands for standard input.
 inline constexpr char kStandardInput[] = "-";
 
@@ -20,7 +23,8 @@ struct InputFile {
 };
 
 /// Returns the bytes of a file, or of standard input for "-". Those that begin
-/// as gzip does are unpacked, whatever the file's name.
+/// as gzip does are unpacked, whatever the file's name. A byte order mark is
+/// left out, but of an STL, whose header may have any bytes.
 ///
 /// INVALID_ARGUMENT, naming the path and, in packed bytes, the offset: not
 /// whole, another checksum, unpacked more than MostUnpackedBytes; nothing on

@@ -86,7 +86,8 @@ absl::string_view ExtensionOfContent(absl::string_view bytes) {
   if (lines.Next()) {
     const absl::string_view word = SplitWords(lines.line).front();
     if (absl::EndsWith(word, "OFF")) return ".off";
-    if (word != "solid" && absl::c_all_of(lines.line, absl::ascii_isprint)) {
+    if (!absl::EqualsIgnoreCase(word, "solid") &&
+        absl::c_all_of(lines.line, absl::ascii_isprint)) {
       return ".obj";
     }
   }

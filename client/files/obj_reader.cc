@@ -24,9 +24,6 @@ namespace {
 
 using Words = std::vector<absl::string_view>;
 
-// What some editors write before a text in UTF-8.
-constexpr absl::string_view kByteOrderMark = "\xEF\xBB\xBF";
-
 // Decimal; SimpleAtod takes hexadecimal digits too.
 bool ReadCoordinate(absl::string_view word, double* number) {
   return ReadFinite(word, number) &&
@@ -72,7 +69,6 @@ class ObjReader {
 
   // A line that ends with a backslash goes on in the next one.
   std::optional<MeshFault> Read(absl::string_view text) {
-    absl::ConsumePrefix(&text, kByteOrderMark);
     std::string joined;
     for (int lines = 0; !text.empty();) {
       absl::string_view statement = TakeLine(text);

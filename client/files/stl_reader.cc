@@ -10,6 +10,8 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/strip.h"
+#include "client/files/input_file.h"
 #include "client/files/word_cursor.h"
 
 namespace isomatch {
@@ -90,20 +92,22 @@ std::optional<MeshFault> ReadText(absl::string_view text,
   absl::string_view word;
   while (!(word = cursor.Take()).empty()) {
     // The name of a solid may have any words.
-    if (word == "solid" || word == "endsolid") {
-      has_ended = word == "endsolid" && corners == 0;
+    const bool is_end = absl::EqualsIgnoreCase(word, "endsolid");
+    if (is_end || absl::EqualsIgnoreCase(word, "solid")) {
+      has_ended = is_end && corners == 0;
       cursor.TakeRestOfLine();
     }
-    if (word == "endloop" && corners != 3) {
+    const bool ends_loop = absl::EqualsIgnoreCase(word, "endloop");
+    if (ends_loop && corners != 3) {
       return MeshFault{cursor.Where(),
                        absl::StrCat("triangle ", triangles, " (0-based) has ",
                                     corners, " corners, expected 3")};
     }
-    if (word == "endloop") {
+    if (ends_loop) {
       corners = 0;
       ++triangles;
     }
-    if (word != "vertex") continue;
+    if (!absl::EqualsIgnoreCase(word, "vertex")) continue;
     ++corners;
     has_ended = false;
     std::array<double, 3> point = {};
@@ -134,12 +138,14 @@ std::optional<MeshFault> ReadStlSoup(absl::string_view bytes,
       bytes.size() >= kStlHeaderBytes &&
       kStlHeaderBytes + kStlTriangleBytes * std::size_t{StlTriangles(bytes)} <=
           bytes.size();
+  absl::string_view text = bytes;
+  absl::ConsumePrefix(&text, kByteOrderMark);
   const bool is_text =
-      !is_binary &&
-      absl::StartsWith(absl::StripLeadingAsciiWhitespace(bytes), "solid");
+      !is_binary && absl::StartsWithIgnoreCase(
+                        absl::StripLeadingAsciiWhitespace(text), "solid");
   CornerJoiner joiner(soup);
   std::optional<MeshFault> fault =
-      is_text ? ReadText(bytes, &joiner) : ReadBinary(bytes, &joiner);
+      is_text ? ReadText(text, &joiner) : ReadBinary(bytes, &joiner);
   soup->format = "STL";
   soup->warnings.push_back(absl::StrCat(
       "STL has no vertices of its own: corners at one place were joined to ",

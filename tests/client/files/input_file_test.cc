@@ -8,6 +8,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "absl/strings/ascii.h"
 #include "client/files/map_file.h"
 #include "client/files/mesh_file.h"
 #include "client/files/named_vertices.h"
@@ -146,7 +147,10 @@ TEST_F(InputFileTest, StandardInputIsToldByItsContent) {
       "POINTS 3 float\n0 0 0 1 0 0 0 1 0\nPOLYGONS 1 4\n3 0 1 2\n";
   for (const auto& [bytes, format] :
        {std::pair(obj, "OBJ"), std::pair(stl, "STL"),
-        std::pair(vtk, "VTK, ascii"), std::pair(Gzip(obj), "OBJ")}) {
+        std::pair(absl::AsciiStrToUpper(stl), "STL"),
+        std::pair(vtk, "VTK, ascii"), std::pair(Gzip(obj), "OBJ"),
+        std::pair("\xEF\xBB\xBF" + obj.substr(obj.find('v')), "OBJ"),
+        std::pair(Gzip("\xEF\xBB\xBF" + vtk), "VTK, ascii")}) {
     const StandardInput input(folder_.Write("input", bytes));
     const auto loaded = ReadMesh("-", "X");
     ASSERT_THAT(loaded, IsOk()) << format;

@@ -11,6 +11,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "absl/strings/ascii.h"
 #include "tests/support/matchers.h"
 #include "tests/support/shapes.h"
 #include "tests/support/temporary_folder.h"
@@ -111,6 +112,13 @@ TEST_F(MeshFileTest, StlMayBeginWithBlanksGoOnAndTrail) {
   EXPECT_THAT(
       Error("a.stl", two + facet("nan") + "endsolid\n"),
       Refused("line 9: z of a corner of triangle 2 (0-based) is 'nan'"));
+
+  for (const char* const before : {"", "\xEF\xBB\xBF"}) {
+    const auto upper =
+        Read("u.stl", before + absl::AsciiStrToUpper(two + "endsolid solid\n"));
+    ASSERT_THAT(upper, IsOk());
+    EXPECT_EQ(upper->mesh.positions, text->mesh.positions);
+  }
 
   std::string binary(84 + 50, '\0');
   binary.replace(0, 5, "solid");
