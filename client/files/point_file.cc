@@ -111,6 +111,10 @@ absl::StatusOr<PointFile> ParseMarkups(const std::string& path,
   return file;
 }
 
+absl::string_view WithoutComment(absl::string_view text) {
+  return absl::StripAsciiWhitespace(text.substr(0, text.find('#')));
+}
+
 // Which word of a line is what; `label` may be beyond its end.
 struct Columns {
   std::array<std::size_t, 3> axes = {0, 1, 2};
@@ -119,13 +123,14 @@ struct Columns {
 
 absl::StatusOr<LandmarkPoint> ParsePoint(
     const std::string& path, int line, const Columns& columns,
-    const std::vector<absl::string_view>& words) {
+    const std::vector<std::string>& words) {
   constexpr std::array kAxes = {"x", "y", "z"};
   LandmarkPoint point;
   for (std::size_t axis = 0; axis < 3; ++axis) {
     const std::size_t column = columns.axes[axis];
     double number = 0;
-    if (column >= words.size() || !ReadFinite(words[column], &number)) {
+    if (column >= words.size() ||
+        !ReadFinite(WithoutComment(words[column]), &number)) {
       return LineError(
           path, line,
           absl::StrCat(
@@ -135,15 +140,12 @@ absl::StatusOr<LandmarkPoint> ParsePoint(
     }
     point.position[static_cast<Eigen::Index>(axis)] = number;
   }
-  if (columns.label < words.size()) {
-    point.label = std::string(words[columns.label]);
-  }
+  if (columns.label < words.size()) point.label = words[columns.label];
   return point;
 }
 
 // The columns that a header names; none when `words` are no header.
-std::optional<Columns> ParseHeader(
-    const std::vector<absl::string_view>& words) {
+std::optional<Columns> ParseHeader(const std::vector<std::string>& words) {
   const auto find = [&](std::initializer_list<const char*> names) {
     const auto found = absl::c_find_if(words, [&](absl::string_view word) {
       return absl::c_any_of(names, [&](const char* name) {
@@ -158,25 +160,40 @@ std::optional<Columns> ParseHeader(
   return columns;
 }
 
-std::vector<absl::string_view> SplitRow(absl::string_view line) {
-  if (line.find(',') == absl::string_view::npos) return SplitWords(line);
-  std::vector<absl::string_view> words = absl::StrSplit(line, ',');
-  for (absl::string_view& word : words) {
-    word = absl::StripAsciiWhitespace(word);
-    if (word.size() > 1 && word.front() == '"' && word.back() == '"') {
-      word = word.substr(1, word.size() - 2);
+// What blanks separate, or commas, where quotes may be around what has some.
+std::vector<std::string> SplitRow(absl::string_view line) {
+  if (line.find(',') == absl::string_view::npos) {
+    const auto words = SplitWords(WithoutComment(line));
+    return {words.begin(), words.end()};
+  }
+  std::vector<std::string> words(1);
+  bool is_quoted = false;
+  for (std::size_t i = 0; i < line.size(); ++i) {
+    if (line[i] == '"') {
+      const bool is_doubled =
+          is_quoted && i + 1 < line.size() && line[i + 1] == '"';
+      if (is_doubled) words.back() += line[++i];
+      if (!is_doubled) is_quoted = !is_quoted;
+    } else if (line[i] == ',' && !is_quoted) {
+      words.emplace_back();
+    } else {
+      words.back() += line[i];
     }
   }
+  for (std::string& word : words) absl::StripAsciiWhitespace(&word);
   return words;
 }
 
+// `is_table`: a # within a line is a cell's.
 absl::StatusOr<PointFile> ParseRows(const std::string& path,
-                                    absl::string_view text) {
+                                    absl::string_view text, bool is_table) {
   PointFile file;
   Columns columns;
   bool is_first = true;
-  for (LineCursor rows = {text}; rows.Next();) {
-    const std::vector<absl::string_view> words = SplitRow(rows.line);
+  LineCursor rows = {text};
+  rows.has_comments_behind = !is_table;
+  while (rows.Next()) {
+    const std::vector<std::string> words = SplitRow(rows.line);
     const auto header = is_first ? ParseHeader(words) : std::nullopt;
     is_first = false;
     if (header) {
@@ -219,11 +236,13 @@ absl::StatusOr<PointFile> ParseFcsv(const std::string& path,
   Columns columns = {{1, 2, 3}, 11};  // of version 4
   if (named) {
     columns.axes = named->axes;
-    const std::vector<absl::string_view> words = SplitRow(names);
+    const std::vector<std::string> words = SplitRow(names);
     columns.label =
         static_cast<std::size_t>(absl::c_find(words, "label") - words.begin());
   }
-  for (LineCursor rows = {text}; rows.Next();) {
+  LineCursor rows = {text};
+  rows.has_comments_behind = false;
+  while (rows.Next()) {
     ISOMATCH_ASSIGN_OR_RETURN(
         LandmarkPoint point,
         ParsePoint(path, rows.number, columns, SplitRow(rows.line)));
@@ -262,7 +281,7 @@ absl::StatusOr<PointFile> ReadPoints(const std::string& path) {
           ? ParseMarkups(path, text)
       : input.extension == ".fcsv" || absl::StartsWith(text, "# Markups")
           ? ParseFcsv(path, input.bytes)
-          : ParseRows(path, input.bytes);
+          : ParseRows(path, input.bytes, input.extension == ".csv");
   if (file.ok() && file->points.empty()) {
     return PointsError(path, absl::StrCat("no points, expected ", kPoints));
   }

@@ -18,6 +18,7 @@
 #include <utility>
 
 #include "absl/strings/ascii.h"
+#include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
@@ -159,7 +160,10 @@ bool LineCursor::Next() {
   while (!rest.empty()) {
     const std::size_t end = std::min(rest.find('\n'), rest.size() - 1);
     line = rest.substr(0, end + 1);
-    line = absl::StripAsciiWhitespace(line.substr(0, line.find('#')));
+    line = absl::StripAsciiWhitespace(line);
+    if (has_comments_behind || absl::StartsWith(line, "#")) {
+      line = absl::StripTrailingAsciiWhitespace(line.substr(0, line.find('#')));
+    }
     rest.remove_prefix(end + 1);
     ++number;
     if (!line.empty()) return true;

@@ -34,14 +34,17 @@ absl::Status WriteFileAtomically(const std::string& path,
 /// long work.
 absl::Status CheckOutputFile(const std::string& path);
 
-/// Goes over the lines of a text: without what follows a #, without blanks at
-/// both ends, and without those that are then empty.
+/// Goes over the lines of a text: without comments, without blanks at both
+/// ends, and without those that are then empty.
 struct LineCursor {
   /// What was not gone over yet; it outlives the lines.
   absl::string_view rest;
   absl::string_view line = {};
   /// 1-based, in the text.
   int number = 0;
+  /// Whether a # begins a comment anywhere in a line, not only as its first
+  /// letter: cells of tables may have one.
+  bool has_comments_behind = true;
 
   /// Goes to the next line; false at the end.
   bool Next();

@@ -60,6 +60,34 @@ TEST_F(PointFileTest, EveryFormatHasPositionsAndLabels) {
             "LPS");
 }
 
+// Labels that were cut would all be one, and points be paired by order.
+TEST_F(PointFileTest, LabelsOfTablesMayHaveAnySign) {
+  const std::string head = "# Markups fiducial file version = 4.11\n";
+  for (const auto& [name, text] :
+       {std::pair("a.fcsv",
+                  head + "1,1,2,3,0,0,0,1,1,1,0,\"F #1, \"\"l\"\"\",,\n"),
+        std::pair("a.csv",
+                  std::string("x,y,z,name\n1,2,3,\"F #1, \"\"l\"\"\"")),
+        std::pair("b.csv",
+                  std::string("label,x,y,z\n# no point\n"
+                              "\"F #1, \"\"l\"\"\",1,2,3 # here\n"))}) {
+    const auto file = Read(name, text);
+    ASSERT_THAT(file, IsOk()) << text;
+    ASSERT_EQ(file->points.size(), 1u) << text;
+    EXPECT_EQ(file->points[0].label, "F #1, \"l\"") << text;
+    EXPECT_EQ(file->points[0].position, Eigen::RowVector3d(1, 2, 3)) << text;
+  }
+  const auto lines = Read("a.txt", "1 2 3 nose # its tip, not the bridge\n");
+  ASSERT_THAT(lines, IsOk());
+  EXPECT_EQ(lines->points[0].label, "nose");
+}
+
+TEST_F(PointFileTest, AByteOrderMarkIsNoPartOfANumber) {
+  ExpectTwo("a.csv",
+            "\xEF\xBB\xBFx,y,z,label\r\n1,-2.5,3,nose\r\n4,5,6e-3,tail\r\n",
+            "");
+}
+
 TEST_F(PointFileTest, PointsThatNobodyPlacedAreCounted) {
   const auto file = Read("a.mrk.json", R"({"markups": [{"controlPoints": [
       {"label": "a", "position": [1, 2, 3]},
@@ -81,6 +109,8 @@ TEST_F(PointFileTest, WrittenPointsComeBack) {
   ExpectTwo("b.csv", FormatPoints("b.csv", "", points), "");
   EXPECT_TRUE(IsPointFile("a.mrk.json") && IsPointFile("a.FCSV.gz"));
   EXPECT_FALSE(IsPointFile("a.txt") || IsPointFile("a"));
+  const std::string sharp = FormatPoints("b.fcsv", "", {{{1, 2, 3}, "F #1"}});
+  EXPECT_EQ(Read("b.fcsv", sharp)->points[0].label, "F #1");
 }
 
 TEST_F(PointFileTest, WrongFilesSayWhere) {
