@@ -22,7 +22,17 @@ const FIGURES = [
 ];
 
 const titleOf = ({name, x, y}) => x && y ? `${x} \u2192 ${y}` : name;
-const verdictOf = (pair) => pair.failure ? FAILED : pair.verdict || 'not judged';
+const verdictOf = ({failure, verdict}) =>
+    failure ? FAILED : VERDICTS.includes(verdict) ? verdict : 'not judged';
+
+/** The name that the address ends with; '' where it is none. */
+function nameInAddress() {
+  try {
+    return decodeURIComponent(globalThis.location.hash.slice(1));
+  } catch {
+    return '';
+  }
+}
 
 const escapeHtml = (text) => text.replace(/[&<>"]/g, (sign) => `&#${sign.charCodeAt(0)};`);
 
@@ -45,7 +55,7 @@ class Folder {
           value: (pair) => pair.figures[name] ?? null,
           text: (value) => decimals === 0 ? count(value) : fixed(value, decimals)}));
     return [
-      {key: 'pair', label: 'Pair', class: 'text', value: titleOf},
+      {key: 'pair', label: 'Pair', class: 'text pair', value: titleOf},
       {key: 'verdict', label: 'Verdict', class: 'text', title: 'Whether the map is good; worst first',
         value: (pair) => [FAILED, ...VERDICTS, 'not judged'].indexOf(verdictOf(pair))},
       ...figures,
@@ -129,7 +139,7 @@ class Folder {
     if (pair.png) picture.append(element('img', {src: `data:image/png;base64,${pair.png}`, alt: ''}));
     const link = pair.failure ? element('span', {}, titleOf(pair)) :
         element('a', {href: `#${encodeURIComponent(pair.name)}`}, titleOf(pair));
-    const name = element('td', {class: 'text'}, link);
+    const name = element('td', {class: 'text pair'}, link);
     if (pair.failure || pair.reason) name.append(element('small', {}, pair.failure || pair.reason));
     const row = element('tr', {class: pair.failure ? 'failed' : '',
       'aria-current': pair === this.opened && 'true'}, picture, name,
@@ -148,7 +158,7 @@ class Folder {
   }
 
   openNamed() {
-    const name = decodeURIComponent(globalThis.location.hash.slice(1));
+    const name = nameInAddress();
     const pair = this.pairs.find((candidate) => candidate.name === name && !candidate.failure);
     if (pair && pair !== this.opened) this.open(pair);
   }

@@ -114,6 +114,29 @@ const checks = {
     assert.equal(await page.evaluate("document.querySelector('iframe')"), null);
   },
 
+  async 'names can be read on a phone, and no address is a fault'({page}) {
+    const map = readFileSync(file('maps/a__good.txt'), 'utf8');
+    const all = {mesh_x: {vertices: 1000}, mesh_y: {vertices: 1000}, symmetry_confidence: 1, total_seconds: 1,
+      quality: {mean_confidence: 0.5, geodesic_distortion: 0.1, coverage: 1}};
+    makeBatch('wide', ['good', 'excellent'].map((level) => ({pair: `a__${level}`, x: 'a.off', y: 'b.off', map, ...all,
+      verdict: {level, reason: 'much of the surface is turned over'}})));
+    isomatchRuns('view', file('wide'), '-o', file('wide.html'));
+    for (const width of [390, 1100]) {
+      await page.send('Emulation.setDeviceMetricsOverride', {width, height: 800, deviceScaleFactor: 1, mobile: width < 400});
+      await open(page, 'wide.html');
+      assert.ok((await page.box('#rows .pair')).width >= 150, `names have room at ${width}`);
+      assert.ok(await page.evaluate('document.documentElement.scrollWidth <= document.documentElement.clientWidth'));
+      await keep(page, `folder_${width}.png`);
+    }
+    // A word that is no verdict is listed and counted as none.
+    assert.equal(await page.evaluate("document.getElementById('summary').innerText"), '2 pairs: 1 good, 1 not judged');
+    await page.send('Emulation.setDeviceMetricsOverride', {...WINDOW, deviceScaleFactor: 1, mobile: false});
+    await page.send('Page.navigate', {url: 'about:blank'});
+    await page.send('Page.navigate', {url: `${pathToFileURL(file('wide.html')).href}#100%`});
+    await page.until("document.body?.dataset.ready === 'true'");
+    await open(page, 'maps.html');
+  },
+
   async 'a page of one pair can be saved'({page}) {
     await page.send('Browser.setDownloadBehavior', {behavior: 'allow', downloadPath: folder});
     rmSync(file('a__bad.html'), {force: true});
