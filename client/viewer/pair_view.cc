@@ -17,10 +17,20 @@ namespace {
 
 constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
 
+/// The box of the faces.
+Eigen::AlignedBox3d BoxOfFaces(const TriangleMesh& mesh) {
+  const std::vector<bool> is_on_face = VerticesOnFaces(mesh);
+  Eigen::AlignedBox3d box;
+  for (VertexIndex v = 0; v < mesh.num_vertices(); ++v) {
+    if (is_on_face[static_cast<std::size_t>(v)]) {
+      box.extend(mesh.positions.row(v).transpose());
+    }
+  }
+  return box;
+}
+
 Eigen::RowVector3d Extents(const TriangleMesh& mesh) {
-  return (mesh.positions.colwise().maxCoeff() -
-          mesh.positions.colwise().minCoeff()) /
-         std::sqrt(SurfaceArea(mesh));
+  return BoxOfFaces(mesh).sizes().transpose() / std::sqrt(SurfaceArea(mesh));
 }
 
 /// The flatter of two axes.
@@ -63,10 +73,15 @@ std::vector<float> MeanOverImages(absl::Span<const float> on_x,
 }  // namespace
 
 Positions NormalizedPositions(const TriangleMesh& mesh) {
-  const Eigen::RowVector3d middle = (mesh.positions.colwise().minCoeff() +
-                                     mesh.positions.colwise().maxCoeff()) /
-                                    2;
-  return (mesh.positions.rowwise() - middle) / std::sqrt(SurfaceArea(mesh));
+  const Eigen::AlignedBox3d box = BoxOfFaces(mesh);
+  const double scale = 1 / std::sqrt(SurfaceArea(mesh));
+  Positions positions = mesh.positions;
+  for (Eigen::Index v = 0; v < positions.rows(); ++v) {
+    const Eigen::Vector3d inside =
+        positions.row(v).transpose().cwiseMax(box.min()).cwiseMin(box.max());
+    positions.row(v) = scale * (inside - box.center()).transpose();
+  }
+  return positions;
 }
 
 Eigen::Matrix3d ViewRotation(const TriangleMesh& mesh_x,

@@ -61,8 +61,9 @@ struct PairView {
   std::vector<std::string> warnings;
 };
 
-/// Where vertices lie in pages and pictures: the box's middle is the origin,
-/// the surface's area 1.
+/// Where vertices lie in pages and pictures: the middle of the faces' box is
+/// the origin, the surface's area 1. Vertices on no face, which nobody sees,
+/// are moved into that box, or a far one would leave the shape no room.
 Positions NormalizedPositions(const TriangleMesh& mesh);
 
 /// Returns PairView::rotation. Up is axis `up` (0 to 2), else the files' y

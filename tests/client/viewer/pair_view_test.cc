@@ -66,6 +66,21 @@ TEST(ViewRotationTest, TheUserDecidesWhatIsUp) {
   }
 }
 
+TEST(NormalizedPositionsTest, AVertexOnNoFaceLeavesTheShapeItsRoom) {
+  const TriangleMesh mesh = PlaneGrid(4, 3, 4, 3);
+  TriangleMesh stray = mesh;
+  stray.positions.conservativeResize(mesh.num_vertices() + 1, 3);
+  stray.positions.bottomRows(1) << 1000, -1000, 1;
+  const Positions expected = NormalizedPositions(mesh);
+  const Positions found = NormalizedPositions(stray);
+  EXPECT_EQ(found.topRows(mesh.num_vertices()), expected);
+  const Eigen::RowVector3d last = found.row(mesh.num_vertices());
+  EXPECT_EQ(last[0], expected.col(0).maxCoeff());
+  EXPECT_EQ(last[1], expected.col(1).minCoeff());
+  EXPECT_EQ(ViewRotation(stray, stray, std::nullopt),
+            ViewRotation(mesh, mesh, std::nullopt));
+}
+
 TEST(CarryToYTest, TakesMeansAndFillsFromTheNearest) {
   // A strip of 5 x 2 vertices, 0 to 4 in the first row.
   const TriangleMesh y = PlaneGrid(4, 1, 4, 1);
