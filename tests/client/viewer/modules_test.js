@@ -102,6 +102,21 @@ test('a vertex without a place goes along with its neighbors', () => {
   assert.ok(farthest(out, expected) < 1e-5);
 });
 
+test('a long way to the one vertex that has a place takes no long time', () => {
+  // A strip whose vertices are numbered against the way that the place goes.
+  const vertices = 300_000;
+  const positions = Float32Array.from({length: 3 * vertices}, (_, i) => i % 3 === 0 ? i / 3 % 7 : 0);
+  const faces = Uint32Array.from({length: 3 * (vertices - 2)}, (_, i) => Math.floor(i / 3) + i % 3);
+  const has = new Array(vertices).fill(false);
+  has[vertices - 1] = true;
+  const goals = Float32Array.from(positions, (value) => value + 2);
+  const begin = performance.now();
+  const out = new Float32Array(positions.length);
+  new Morph({positions, faces}, goals, has).at(1, out);
+  assert.ok(performance.now() - begin < 5000, `${performance.now() - begin} ms`);
+  assert.ok(out.every((value, i) => Math.abs(value - goals[i]) < 1e-5));
+});
+
 test('a morph of no places stays where it is', () => {
   const mesh = bumpySphere(4);
   const out = new Float32Array(mesh.positions.length);
