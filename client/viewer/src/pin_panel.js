@@ -119,13 +119,28 @@ export class PinPanel {
     }
   }
 
-  /** Brings the list, the marks and the buttons up to date. */
-  show(text, wrong = false) {
+  tell(text, wrong = false) {
     byId('pin-status').textContent = text;
     byId('pin-status').classList.toggle('error', wrong);
+    byId('pin-undo').disabled = !this.list.canUndo();
+  }
+
+  /** Makes the rows anew; what had the focus in them has it again, or its neighbor. */
+  showRows() {
+    const rows = byId('pin-list').children;
+    const {activeElement} = document;
+    const at = Array.from(rows).findIndex((row) => row.contains(activeElement));
+    byId('pin-list').replaceChildren(...this.list.pins.map((pin, i) => this.row(pin, i)));
+    if (at < 0) return;
+    const row = rows[Math.min(at, rows.length - 1)];
+    (row?.querySelector(`.${activeElement.className}`) ?? byId('pin-undo')).focus();
+  }
+
+  /** Brings the list, the marks and the buttons up to date. */
+  show(text, wrong = false) {
+    this.tell(text, wrong);
+    this.showRows();
     const {list} = this;
-    byId('pin-list').replaceChildren(...list.pins.map((pin, i) => this.row(pin, i)));
-    byId('pin-undo').disabled = !list.canUndo();
     byId('pin-clear').disabled = list.pins.length === 0;
     byId('pin-export').disabled = list.complete().length === 0;
     byId('pin-count').textContent = list.pins.length > 0 ? ` ${count(list.pins.length)}` : '';
@@ -149,9 +164,11 @@ export class PinPanel {
     });
     const name = element('input', {class: 'pin-name', placeholder: 'name',
       'aria-label': `Name of pin ${i + 1}`, value: pin.name});
+    // The list stays: what is pressed or focused next is in it.
     name.addEventListener('change', () => {
       this.list.rename(i, name.value);
-      this.show('Renamed.');
+      name.value = pin.name;
+      this.tell('Renamed.');
     });
     const side = (key) => `${key.toUpperCase()} ${pin[key] ?? '\u2026'}`;
     const remove = element('button', {type: 'button', class: 'pin-remove',

@@ -168,6 +168,31 @@ const checks = {
     assert.deepEqual(await pinned(page), []);
   },
 
+  async 'what is pressed in the list of pins is there still'({page}) {
+    for (const [x, y] of [[1, 2], [3, 4], [5, 6]]) {
+      await set(page, 'pin-x', x, 'input');
+      await set(page, 'pin-y', y, 'input');
+      await page.click('#pin-add');
+    }
+    // A name that was just typed takes no click away from what is beside it.
+    await page.evaluate("document.querySelector('#pin-list li:nth-child(2) .pin-name').focus()");
+    for (const key of 'ear') await page.press(key);
+    await page.click('#pin-list li:nth-child(2) .pin-number');
+    assert.match(await text(page, '#pin-status'), /^Pin 2: click where an end shall be/);
+    assert.equal(await page.evaluate("document.querySelector('#pin-list li:nth-child(2) .pin-name').value"), 'ear');
+    const focused = () => page.evaluate(`(({activeElement}) => [activeElement.className,
+        Array.from(document.querySelectorAll('#pin-list li')).findIndex((row) => row.contains(activeElement))])(document)`);
+    assert.deepEqual(await focused(), ['pin-number', 1]);
+    await page.evaluate("document.querySelector('#pin-list li:nth-child(2) .pin-remove').focus()");
+    const remove = async () => page.evaluate('document.activeElement.click()');
+    await remove();
+    assert.deepEqual(await focused(), ['pin-remove', 1]);
+    await remove();
+    assert.deepEqual(await focused(), ['pin-remove', 0]);
+    await remove();
+    assert.equal(await page.evaluate('document.activeElement.id'), 'pin-undo');
+  },
+
   async 'pins begin with the map, and can be made by keys alone'({page, map}) {
     await page.click('#pin-suggest');
     const [point] = await vertices(page, 'x', 1);
