@@ -151,6 +151,8 @@ async function start() {
 }
 
 start().catch((error) => {
-  byId('message').textContent = `The shapes cannot be drawn: ${error.message}`;
+  const why = /WebGL/.test(error.message) ? 'this browser has no WebGL, or it is switched off. ' +
+      'isomatch view --png draws a picture without it.' : error.message;
+  byId('message').textContent = `The shapes cannot be drawn: ${why}`;
   console.error(error);
 });

@@ -8,6 +8,11 @@ const FIELD_OF_VIEW = 28;
 /** Where the viewer stands at first: a little to the side and above. */
 const TURN = 25 * Math.PI / 180;
 const RAISE = 10 * Math.PI / 180;
+/** How far one sees: what is long, or in parts far apart, is looked at from far away. */
+const FAR = 100;
+const FAR_DISTANCES = 20;
+/** The nearest that one sees is this part of the farthest. */
+const DEPTHS = 10_000;
 const KEY_TURN = 5 * Math.PI / 180;
 const KEY_ZOOM = 1.1;
 const ROOM = 1.12;
@@ -36,7 +41,7 @@ export class Pane {
     this.side = side;
     this.element = element;
     this.surface = surface;
-    this.camera = new PerspectiveCamera(FIELD_OF_VIEW, 1, 0.01, 100);
+    this.camera = new PerspectiveCamera(FIELD_OF_VIEW, 1, FAR / DEPTHS, FAR);
     leaveScrolling(element);
     this.controls = new OrbitControls(this.camera, element);
     this.controls.addEventListener('change', () => on.move(this));
@@ -76,6 +81,9 @@ export class Pane {
     this.controls.target.set(0, 0, 0);
     this.camera.position.setFromSpherical(
         new Spherical(distance, Math.PI / 2 - RAISE, TURN));
+    this.camera.far = Math.max(FAR, FAR_DISTANCES * distance);
+    this.camera.near = this.camera.far / DEPTHS;
+    this.camera.updateProjectionMatrix();
     this.controls.update();
   }
 

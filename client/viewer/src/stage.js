@@ -24,9 +24,8 @@ export class Stage {
     this.ratio = Math.min(2, globalThis.devicePixelRatio);
     this.renderer = new WebGLRenderer({canvas, antialias: true, alpha: true});
     this.renderer.setPixelRatio(this.ratio);
-    this.renderer.setClearAlpha(0);
-    this.renderer.setScissorTest(true);
     this.renderer.autoClear = false;
+    this.setUp();
     this.canvas = canvas;
     this.overlay = overlay;
     this.linked = true;
@@ -38,8 +37,19 @@ export class Stage {
       return pane;
     });
     new ResizeObserver(() => this.resize()).observe(canvas);
+    // Phones take the drawing away from a page that was not seen for a while.
+    canvas.addEventListener('webglcontextrestored', () => {
+      this.setUp();
+      this.draw();
+    });
     this.atStart = true;
     this.resize();
+  }
+
+  /** What the renderer forgets with its drawing. */
+  setUp() {
+    this.renderer.setClearAlpha(0);
+    this.renderer.setScissorTest(true);
   }
 
   /** Draws, and finds out whether this machine needs long for all of both shapes. */

@@ -392,6 +392,34 @@ const checks = {
     }
   },
 
+  async 'a drawing that the browser took away comes back'({page}) {
+    await open(page, file('page.html'));
+    await away(page);
+    const before = await page.pixels(await shapeBox(page, 'x'));
+    const gl = (act) => page.evaluate(`(window.taken ??= document.getElementById('canvas')
+        .getContext('webgl2').getExtension('WEBGL_lose_context')).${act}()`);
+    await gl('loseContext');
+    await page.drawn();
+    assert.ok(difference(before, await page.pixels(await shapeBox(page, 'x'))).changed > 3000);
+    await gl('restoreContext');
+    await new Promise((resolve) => setTimeout(resolve, 500));
+    await page.drawn();
+    assert.equal(difference(before, await page.pixels(await shapeBox(page, 'x'))).changed, 0);
+  },
+
+  async 'parts far from each other, and beside a vertex on no face, are seen'({page}) {
+    // Two squares 300 sides apart, and the vertex.
+    const square = (x) => [[0, 0], [1, 0], [1, 1], [0, 1]].map(([u, v]) => `${x + u} ${v} 0`);
+    writeFileSync(file('apart.off'), ['OFF', '9 4 0', ...square(0), ...square(300), '1e5 1e5 0',
+      ...[0, 4].flatMap((v) => [`3 ${v} ${v + 1} ${v + 2}`, `3 ${v} ${v + 2} ${v + 3}`]), ''].join('\n'));
+    writeFileSync(file('apart.txt'), '0 1 2 3 4 5 6 7 -1'.replaceAll(' ', '\n'));
+    isomatchRuns('view', file('apart.off'), file('apart.off'), file('apart.txt'), '-o', file('apart.html'));
+    await open(page, file('apart.html'));
+    await away(page);
+    assert.ok(covers(await page.pixels(await shapeBox(page, 'x'))).filter(Boolean).length >= 4);
+    assert.match(await text(page, '#pane-x .name'), /9 vertices, 4 faces/);
+  },
+
   async 'nothing went wrong'({page}) {
     // What Chromium says about the frame that this test makes.
     assert.deepEqual(page.problems.filter((problem) => !problem.includes('can escape its sandboxing')), []);
