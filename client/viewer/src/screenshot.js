@@ -46,7 +46,8 @@ export function screenshot(stage, names, scale) {
     const box = element.getBoundingClientRect();
     context.textBaseline = 'top';
     context.textAlign = 'left';
-    context.fillText(names[side], box.left - all.left + MARGIN, box.top - all.top + MARGIN);
+    context.fillText(names[side], box.left - all.left + MARGIN, box.top - all.top + MARGIN,
+        box.width - 2 * MARGIN);
   }
   if (scale) drawScale(context, scale, all.height, all.width);
   return new Promise((resolve) => picture.toBlob(resolve, 'image/png'));

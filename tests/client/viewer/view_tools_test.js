@@ -407,6 +407,29 @@ const checks = {
     assert.equal(difference(before, await page.pixels(await shapeBox(page, 'x'))).changed, 0);
   },
 
+  async 'a long name stays above its shape'({page}) {
+    const name = `${'long'.repeat(50)}.off`;
+    writeFileSync(file(name), readFileSync(file('a.off')));
+    isomatchRuns('view', file(name), file('b.off'), file('map.txt'), '-o', file('long.html'));
+    await open(page, file('long.html'));
+    const [above, pane] = [await page.box('#pane-x .name'), await page.box('#pane-x')];
+    assert.ok(above.x + above.width <= pane.x + pane.width, JSON.stringify([above, pane]));
+    assert.ok(await page.evaluate('document.documentElement.scrollWidth <= document.documentElement.clientWidth'));
+    await page.click('#screenshot');
+    const png = await saved('isomatch.png');
+    writeFileSync(file('tools_long.png'), png);
+    // Y's name, and no letter of X's, stands at the top of Y's half.
+    const dark = await page.evaluate(`(async () => {
+      const bytes = Uint8Array.from(atob('${png.toString('base64')}'), (c) => c.charCodeAt(0));
+      const image = await createImageBitmap(new Blob([bytes], {type: 'image/png'}));
+      const context = new OffscreenCanvas(image.width, image.height).getContext('2d');
+      context.drawImage(image, 0, 0);
+      const {data} = context.getImageData(image.width / 2 + 200, 0, image.width / 2 - 200, 40);
+      return data.filter((value, i) => i % 4 === 0 && value < 128).length;
+    })()`);
+    assert.equal(dark, 0);
+  },
+
   async 'parts far from each other, and beside a vertex on no face, are seen'({page}) {
     // Two squares 300 sides apart, and the vertex.
     const square = (x) => [[0, 0], [1, 0], [1, 1], [0, 1]].map(([u, v]) => `${x + u} ${v} 0`);
