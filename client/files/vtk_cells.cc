@@ -129,11 +129,10 @@ std::vector<double> VtkNumbers(absl::string_view bytes, VtkNumberType type,
                                bool is_big_endian) {
   std::vector<double> numbers;
   numbers.reserve(bytes.size() / type.bytes);
-  std::array<char, 8> number;
+  std::array<char, 8> number = {};
   for (std::size_t at = 0; at < bytes.size(); at += type.bytes) {
-    std::memcpy(number.data(), bytes.data() + at, type.bytes);
-    if (is_big_endian) {
-      std::reverse(number.begin(), number.begin() + type.bytes);
+    for (std::size_t i = 0; i < type.bytes; ++i) {
+      number[is_big_endian ? type.bytes - 1 - i : i] = bytes[at + i];
     }
     numbers.push_back(NumberOf(number.data(), type));
   }
