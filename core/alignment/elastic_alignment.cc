@@ -41,8 +41,9 @@ ElasticAlignment::ElasticAlignment(const AlignmentShape& shape_x,
       features_x_(basis_ + 6, shape_x.mesh.num_vertices()),
       features_y_(basis_ + 6, shape_y.mesh.num_vertices()) {
   aligned_.positions = targets_;
-  features_x_.topRows(basis_) = static_cast<float>(options_.spectral_weight) *
-                                x_.functions.topRows(basis_);
+  const auto weight = static_cast<float>(options_.spectral_weight);
+  (options_.carry_x ? features_y_ : features_x_).topRows(basis_) =
+      weight * (options_.carry_x ? y_ : x_).functions.topRows(basis_);
   features_y_.middleRows(basis_, 3) =
       y_.mesh.positions.transpose().cast<float>();
   features_y_.bottomRows(3) =
@@ -58,7 +59,15 @@ void ElasticAlignment::Fix(absl::Span<const VertexMatch> landmarks) {
   }
 }
 
-void ElasticAlignment::DescribeY() {
+void ElasticAlignment::DescribeFunctions() {
+  if (options_.carry_x) {
+    const Eigen::MatrixXf y_from_x =
+        DenseFunctionalMap(x_.functions.topRows(basis_), x_.laplacian.mass,
+                           features_y_.topRows(basis_), y_from_x_);
+    CarryOver(y_from_x.transpose(), x_.functions.topRows(basis_),
+              features_x_.topRows(basis_));
+    return;
+  }
   // Fitted to X's features, not its functions: they hold the spectral weight.
   const Eigen::MatrixXf fmap_x_from_y =
       DenseFunctionalMap(features_x_.topRows(basis_), x_.laplacian.mass,
@@ -115,7 +124,7 @@ absl::Status ElasticAlignment::Run(double stiffness, int rounds,
   for (int round = 0; round < rounds; ++round) {
     ISOMATCH_RETURN_IF_ERROR(PullX(stop));
     DescribeX();
-    DescribeY();
+    DescribeFunctions();
     ISOMATCH_RETURN_IF_ERROR(FindAlike(stop));
     ISOMATCH_RETURN_IF_ERROR(FindPoints(stop));
   }

@@ -35,6 +35,10 @@ struct AlignmentOptions {
   /// Weight of the difference of unit normals. 0 on unoriented surfaces, whose
   /// normals mean nothing.
   double normal_weight = 0.3;
+  /// X's functions are carried to Y's basis in place of Y's to X's: where X is
+  /// a part of Y, few of its functions extend to Y, but all of Y's restrict to
+  /// X.
+  bool carry_x = false;
 };
 
 /// How hard it is to lay X on Y: each 0 for congruent surfaces, >= 0.
@@ -82,7 +86,7 @@ class ElasticAlignment {
   double NormalMismatch(VertexIndex x) const;
 
  private:
-  void DescribeY();
+  void DescribeFunctions();
   void DescribeX();
   /// Deforms X toward the targets.
   absl::Status PullX(const std::stop_token& stop);

@@ -82,7 +82,7 @@ Matching Restore(const FirstStageInput& input,
                  const std::vector<PointMatch>& matches, int capacity,
                  int pinned) {
   Matching matching(input.pool_x, input.pool_y,
-                    std::max<int>(capacity, matches.size()));
+                    std::max<int>(capacity, matches.size()), input.costs);
   for (const PointMatch& match : matches) matching.Add(match);
   matching.Pin(pinned);
   return matching;
@@ -342,7 +342,8 @@ void Grow(const FirstStageInput& input, const FirstStageOptions& options,
           const GrowthEnd& end, RandomStream* random, Matching* matching) {
   while (matching->size() < end.matches && !end.stop.stop_requested()) {
     // Even sizes sample X and look on Y, odd ones the other way.
-    const Side from = matching->size() % 2 == 0 ? kX : kY;
+    const Side from =
+        options.insert_from_x_only || matching->size() % 2 == 0 ? kX : kY;
     const CandidateSearch& search =
         from == kX ? input.search_y : input.search_x;
     if (!InsertFrom(from, search, matching)) return;

@@ -70,6 +70,9 @@ struct FirstStageOptions {
   /// Known matches. Maps that contradict a larger part of them rank lower; and
   /// where they speak for the mirror image, unmirrored maps come last instead.
   std::vector<PointMatch> landmarks;
+  /// Insertion samples points of X alone, where Y may have points that X has no
+  /// counterpart of.
+  bool insert_from_x_only = false;
   /// The first so many matches of every seed stay as they are.
   int pinned = 0;
   std::uint64_t random_seed = 1;
@@ -84,6 +87,8 @@ struct FirstStageInput {
   const CandidateSearch& search_y;
   const PointFrames& frames_x;
   const PointFrames& frames_y;
+  /// nullptr for none.
+  const PointCosts* costs = nullptr;
 };
 
 /// A map of the first stage and what it was ranked by.

@@ -9,8 +9,8 @@
 namespace isomatch {
 
 Matching::Matching(const PointPool& pool_x, const PointPool& pool_y,
-                   int capacity)
-    : pools_{&pool_x, &pool_y}, capacity_(capacity) {
+                   int capacity, const PointCosts* costs)
+    : pools_{&pool_x, &pool_y}, costs_(costs), capacity_(capacity) {
   for (const Side side : {kX, kY}) {
     row_storage_[side].resize(capacity);
     closeness_[side].setZero(capacity, capacity);
@@ -103,6 +103,12 @@ void Matching::EmbeddingErrors(Side side, int point,
       (*errors)[c] += std::abs(wanted - row[candidates[c]]);
     }
   }
+  if (costs_ == nullptr) return;
+  const float share = 0.5f * static_cast<float>(size());
+  for (std::size_t c = 0; c < candidates.size(); ++c) {
+    (*errors)[c] += share * (side == kX ? Cost(point, candidates[c])
+                                        : Cost(candidates[c], point));
+  }
 }
 
 void Matching::EmbeddingErrors(Side side, int point,
@@ -126,6 +132,13 @@ void Matching::EmbeddingErrors(Side side, int point, int count,
     sums += (part(i) + part(i + 1)) + (part(i + 2) + part(i + 3));
   }
   for (; i < size(); ++i) sums += part(i);
+  if (costs_ == nullptr) return;
+  const float share = 0.5f * costs_->weight * static_cast<float>(size());
+  if (side == kX) {
+    sums += share * costs_->of_match.col(point).head(count).array();
+  } else {
+    sums += share * costs_->of_match.row(point).head(count).transpose().array();
+  }
 }
 
 double Matching::SwapChange(int i, int j) const {
@@ -138,7 +151,13 @@ double Matching::SwapChange(int i, int j) const {
                       (x_i - y_i).abs() - (x_j - y_j).abs();
   // The pair (i, j) itself keeps its two values, so its terms do not count.
   const float own = change.coeff(i) + change.coeff(j);
-  return 2.0 * (double{change.sum()} - own);
+  const double by_pairs = 2.0 * (double{change.sum()} - own);
+  if (costs_ == nullptr) return by_pairs;
+  const double by_costs = Cost(points_[kX][i], points_[kY][j]) +
+                          Cost(points_[kX][j], points_[kY][i]) -
+                          Cost(points_[kX][i], points_[kY][i]) -
+                          Cost(points_[kX][j], points_[kY][j]);
+  return by_pairs + (n - 1) * by_costs;
 }
 
 void Matching::Swap(int i, int j) {
@@ -163,6 +182,12 @@ void Matching::RelocateChanges(int i, const std::vector<int>& ys,
     }
   }
   for (float& change : *changes) change *= 2;  // each pair counts twice
+  if (costs_ == nullptr) return;
+  const int x = points_[kX][i];
+  const float now = Cost(x, points_[kY][i]);
+  for (std::size_t t = 0; t < ys.size(); ++t) {
+    (*changes)[t] += static_cast<float>(size() - 1) * (Cost(x, ys[t]) - now);
+  }
 }
 
 void Matching::Relocate(int i, int y) {
@@ -177,6 +202,7 @@ double Matching::Energy() const {
     energy += (closeness_[kX].row(i).head(n) - closeness_[kY].row(i).head(n))
                   .abs()
                   .sum();
+    energy += (n - 1) * double{Cost(points_[kX][i], points_[kY][i])};
   }
   return energy;
 }

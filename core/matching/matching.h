@@ -21,19 +21,31 @@ struct PointMatch {
   bool operator==(const PointMatch&) const = default;
 };
 
+/// What speaks against matching single points, whatever else is matched.
+struct PointCosts {
+  /// P_Y x P_X, >= 0.
+  const Eigen::MatrixXf& of_match;
+  /// A cost of 1 at every match counts as so much embedding error.
+  float weight = 0;
+};
+
 /// A partial injective map between two pools that grows match by match and can
 /// be changed: the state of the first stage (paper, Section 3.2). Keeps the
 /// closeness of every match to every other on both sides, so that a change is
 /// judged in O(size) without touching geodesics.
 ///
 /// Energy: Eq. 8 summed over all ordered pairs of matches,
-///   E = sum_{i != j} |k_X(x_i, x_j) - k_Y(y_i, y_j)|.
+///   E = sum_{i != j} |k_X(x_i, x_j) - k_Y(y_i, y_j)|,
+///
+/// and, with costs of single matches, (size - 1) weight sum_i cost(x_i, y_i).
 ///
 /// Memory: 8 capacity^2 + 16 P bytes, and 8 P capacity when the pools are not
 /// tabulated. Not thread-safe. Keeps references to the pools.
 class Matching {
  public:
-  Matching(const PointPool& pool_x, const PointPool& pool_y, int capacity);
+  /// `costs`: nullptr for none.
+  Matching(const PointPool& pool_x, const PointPool& pool_y, int capacity,
+           const PointCosts* costs = nullptr);
   // Rows point into the matching's own storage: it moves, but is not copied.
   Matching(const Matching&) = delete;
   Matching& operator=(const Matching&) = delete;
@@ -82,7 +94,8 @@ class Matching {
 
   /// Eq. 8 for matching `point` of `side` with each of `candidates` on the
   /// other side: errors[c] = sum_i |k(point, point_i) - k(candidate_c,
-  /// image_i)|. Time O(size candidates).
+  /// image_i)|, and half the size times the weighted cost of the match. Time
+  /// O(size candidates).
   void EmbeddingErrors(Side side, int point, const std::vector<int>& candidates,
                        std::vector<float>* errors) const;
   /// The same for all points of the other pool.
@@ -107,10 +120,15 @@ class Matching {
   using Table =
       Eigen::Array<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
+  /// Weighted cost of a match; 0 without costs.
+  float Cost(int x, int y) const {
+    return costs_ == nullptr ? 0 : costs_->weight * costs_->of_match(y, x);
+  }
   void SetPoint(Side side, int i, int point);
   void CoverBy(Side side, const float* row);
 
   std::array<const PointPool*, 2> pools_;
+  const PointCosts* costs_;
   int capacity_;
   int pinned_ = 0;
   std::array<std::vector<int>, 2> points_;  ///< of each match

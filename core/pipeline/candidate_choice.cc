@@ -152,6 +152,7 @@ absl::StatusOr<std::unique_ptr<ElasticAlignment>> CandidateChoice::Choose(
     std::vector<Candidate>* candidates) {
   AlignmentOptions alignment_options;
   alignment_options.basis = options_.alignment_basis;
+  alignment_options.carry_x = options_.relation == Relation::kPartOfY;
   if (!oriented_) alignment_options.normal_weight = 0;
   if (described()) ISOMATCH_RETURN_IF_ERROR(DescribeAlike());
   const int rounds = std::min(kJudgedRounds, options_.alignment_rounds);
@@ -159,7 +160,9 @@ absl::StatusOr<std::unique_ptr<ElasticAlignment>> CandidateChoice::Choose(
   double least = std::numeric_limits<double>::infinity();
   for (std::size_t i = 0; i < candidates->size(); ++i) {
     Candidate& candidate = (*candidates)[i];
-    ISOMATCH_RETURN_IF_ERROR(Filter(&candidate.y_from_x));
+    if (options_.relation == Relation::kWhole) {
+      ISOMATCH_RETURN_IF_ERROR(Filter(&candidate.y_from_x));
+    }
     candidate.filtered = candidate.y_from_x;
     auto alignment = std::make_unique<ElasticAlignment>(
         x_, y_, alignment_options, candidate.y_from_x);

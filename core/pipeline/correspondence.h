@@ -7,6 +7,7 @@
 
 #include "core/base/vertex_index.h"
 #include "core/mesh/precise_point.h"
+#include "core/pipeline/match_options.h"
 #include "core/pipeline/progress.h"
 #include "core/pipeline/verdict.h"
 
@@ -108,6 +109,10 @@ struct Correspondence {
   std::vector<VertexMatch> sparse_matches;
   /// Mean k_X k_Y over the pairs of sparse matches (Eq. 4).
   double objective = 0;
+  /// What the shapes were taken for.
+  Relation relation = Relation::kWhole;
+  /// X's lengths times this are in Y's unit: 1 where both have one unit.
+  double scale = 1;
   /// Surface areas, squared mesh units.
   double area_x = 0;
   double area_y = 0;

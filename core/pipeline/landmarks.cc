@@ -85,6 +85,15 @@ absl::StatusOr<std::vector<WorkingLandmark>> TakeLandmarks(
   return taken;
 }
 
+std::vector<VertexIndex> VerticesOf(
+    const std::vector<WorkingLandmark>& landmarks, Side side) {
+  std::vector<VertexIndex> vertices;
+  for (const auto& [match, index, follows] : landmarks) {
+    if (!follows) vertices.push_back(side == kX ? match.x : match.y);
+  }
+  return vertices;
+}
+
 std::vector<VertexMatch> AgreeingLandmarks(
     const std::vector<WorkingLandmark>& landmarks, const BasisPoints& basis_x,
     const BasisPoints& basis_y) {

@@ -28,6 +28,10 @@ absl::StatusOr<std::vector<WorkingLandmark>> TakeLandmarks(
     absl::Span<const VertexMatch> landmarks, const PreparedMesh& x,
     const PreparedMesh& y, std::vector<std::string>* warnings);
 
+/// The vertices on one side of those that take part in finding the map.
+std::vector<VertexIndex> VerticesOf(
+    const std::vector<WorkingLandmark>& landmarks, Side side);
+
 /// Returns those landmarks that agree with each other: while some agree with
 /// fewer than half of the rest, the worst goes. Two agree when their distance
 /// on X and on Y differ by less than a tenth and a bit. Two or fewer are all

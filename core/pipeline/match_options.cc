@@ -94,6 +94,24 @@ absl::Status ValidateAlignment(const MatchOptions& o) {
   return absl::OkStatus();
 }
 
+absl::Status ValidateRelation(const MatchOptions& o) {
+  if (o.relation == Relation::kWhole) {
+    if (o.scale == LengthScale::kAuto) return absl::OkStatus();
+    return absl::InvalidArgumentError(absl::StrCat(
+        "options.scale: ", LengthScaleName(o.scale),
+        ", expected auto with relation whole, which takes both areas for "
+        "equal"));
+  }
+  if (o.alignment_rounds > 0 && o.pool_size > 0 &&
+      !o.candidates_from_environments &&
+      o.selection == Selection::kEmbeddingError) {
+    return absl::OkStatus();
+  }
+  return absl::InvalidArgumentError(
+      absl::StrCat("options.relation: ", RelationName(o.relation),
+                   ", expected whole with the steps of profile paper"));
+}
+
 }  // namespace
 
 MatchOptions MatchOptions::ForProfile(Profile profile) {
@@ -128,6 +146,7 @@ MatchOptions MatchOptions::ForProfile(Profile profile) {
 absl::Status MatchOptions::Validate() const {
   ISOMATCH_RETURN_IF_ERROR(ValidateFirstStage(*this));
   ISOMATCH_RETURN_IF_ERROR(ValidateAlignment(*this));
+  ISOMATCH_RETURN_IF_ERROR(ValidateRelation(*this));
   ISOMATCH_RETURN_IF_ERROR(
       InRange("second_stage_fraction", second_stage_fraction, 0.0, 1.0));
   ISOMATCH_RETURN_IF_ERROR(
@@ -146,6 +165,14 @@ absl::Status MatchOptions::Validate() const {
                                    std::int64_t{0},
                                    std::numeric_limits<std::int64_t>::max()));
   return InRange("threads", threads, 0, 1024);
+}
+
+const char* RelationName(Relation relation) {
+  return relation == Relation::kPartOfY ? "part-of-y" : "whole";
+}
+
+const char* LengthScaleName(LengthScale scale) {
+  return scale == LengthScale::kSame ? "same" : "auto";
 }
 
 const char* ProfileName(Profile profile) {

@@ -17,12 +17,34 @@ enum class Profile {
   kPaper,
 };
 
+/// What of each shape has a counterpart on the other. The values go to disk and
+/// never change.
+enum class Relation {
+  /// All of both.
+  kWhole = 1,
+  /// All of X, a part of Y.
+  kPartOfY = 2,
+};
+
+/// What is known of the two meshes' units.
+enum class LengthScale {
+  /// Nothing. Whole shapes are taken to have the same area; of a part it is
+  /// found out.
+  kAuto,
+  /// They are the same.
+  kSame,
+};
+
 /// Every constant of the method. Lengths are fractions of sqrt(surface area),
 /// so that results do not depend on a file's unit.
 struct MatchOptions {
   // What changes the result.
 
   Profile profile = Profile::kDefault;
+  /// Not in the paper.
+  Relation relation = Relation::kWhole;
+  /// Not of whole shapes. Not in the paper.
+  LengthScale scale = LengthScale::kAuto;
   /// Same input, options and random seed give the same result.
   std::uint64_t random_seed = 1;
 
@@ -148,6 +170,11 @@ struct MatchOptions {
   /// INVALID_ARGUMENT naming field, value and allowed range.
   absl::Status Validate() const;
 };
+
+/// "whole" or "part-of-y".
+const char* RelationName(Relation relation);
+/// "auto" or "same".
+const char* LengthScaleName(LengthScale scale);
 
 /// "default" or "paper".
 const char* ProfileName(Profile profile);

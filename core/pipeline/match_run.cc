@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <memory>
 #include <optional>
 #include <unordered_map>
@@ -39,7 +40,6 @@ constexpr double kRounding = 1e-8;
 /// A landmark is kept when the map sends it no further than this from where it
 /// should go, in sqrt(area).
 constexpr float kLandmarkTolerance = 0.1f;
-
 /// One run of the method: the stages in order, each reading what those before
 /// it left in the members.
 class MatchRun {
@@ -50,6 +50,7 @@ class MatchRun {
         options_(inputs.options),
         progress_(*progress),
         stop_(stop),
+        part_(inputs.part),
         own_x_(inputs.own_x),
         shapes_{&inputs.x, &inputs.y} {}
 
@@ -81,19 +82,12 @@ class MatchRun {
   }
 
   absl::Status Pools() {
-    progress_.Begin(Stage::kSeeds);
+    if (part_ == nullptr) progress_.Begin(Stage::kSeeds);
     return Both([&](Side side) -> absl::Status {
       closeness_[side].emplace(shape(side).hash.basis, options_.kernel_width);
-      std::vector<VertexIndex> extra;
-      for (const WorkingLandmark& landmark : landmarks_) {
-        extra.push_back(side == kX ? landmark.match.x : landmark.match.y);
-      }
       ISOMATCH_ASSIGN_OR_RETURN(
           pools_[side],
-          PointPool::Create(
-              *closeness_[side],
-              PoolVertices(shape(side).hash, options_.pool_size, extra),
-              stop_));
+          PointPool::Create(*closeness_[side], PoolVerticesOf(side), stop_));
       if (options_.candidates_from_environments) {
         search_[side] = CandidateSearch(shape(side).hash.basis, pools_[side]);
       }
@@ -102,6 +96,12 @@ class MatchRun {
                        shape(side).curvature, pools_[side]);
       return absl::OkStatus();
     });
+  }
+
+  std::vector<VertexIndex> PoolVerticesOf(Side side) const {
+    if (part_ != nullptr) return part_->pools[side];
+    return PoolVertices(shape(side).hash, options_.pool_size,
+                        VerticesOf(landmarks_, side));
   }
 
   /// The landmarks that the first stage relies on, as points of the pools.
@@ -128,16 +128,23 @@ class MatchRun {
     return seed;
   }
 
+  std::vector<Seed> OwnSeeds() const {
+    if (part_ != nullptr && !part_->seeds.empty()) return part_->seeds;
+    return GenerateSeeds(
+        pools_[kX], pools_[kY],
+        {options_.seed_points, options_.seed_matches, options_.max_seeds});
+  }
+
   bool oriented() const { return solved(kX).oriented && solved(kY).oriented; }
 
   absl::Status FirstInsertion() {
     const Seed trusted = TrustedLandmarks();
-    const std::vector<Seed> seeds = SeedsWithLandmarks(
-        trusted,
-        GenerateSeeds(
-            pools_[kX], pools_[kY],
-            {options_.seed_points, options_.seed_matches, options_.max_seeds}),
-        options_.landmarks_exact);
+    const std::vector<Seed> seeds =
+        SeedsWithLandmarks(trusted, OwnSeeds(), options_.landmarks_exact);
+    std::optional<PointCosts> costs;
+    if (part_ != nullptr) {
+      costs.emplace(PointCosts{part_->differences, kUnlikenessWeight});
+    }
     progress_.Begin(Stage::kFirstInsertion);
     FirstStageOptions first = FirstStageOptionsOf(options_, trusted.size());
     if (!oriented()) first.orientation_from = 0;
@@ -149,7 +156,7 @@ class MatchRun {
     ISOMATCH_ASSIGN_OR_RETURN(
         const std::vector<RankedMap> maps,
         RunFirstStage({pools_[kX], pools_[kY], search_[kX], search_[kY],
-                       frames_[kX], frames_[kY]},
+                       frames_[kX], frames_[kY], costs ? &*costs : nullptr},
                       seeds, first, progress_.Share(0, 1), stop_));
     for (const RankedMap& map : maps) {
       // What ranks far behind, or lies on the wrong side although the best does
@@ -331,6 +338,9 @@ class MatchRun {
         shape(kX), shape(kY),
         {best().y_from_x, points, best().filtered, offsets_, alignment_.get()},
         stop_, &result_));
+    result_.relation = options_.relation;
+    result_.scale = std::sqrt(shape(kY).full.area / shape(kX).full.area) *
+                    (part_ == nullptr ? 1 : part_->scale);
     result_.area_x = shape(kX).full.area;
     result_.area_y = shape(kY).full.area;
     result_.warnings_x = shape(kX).full.warnings;
@@ -456,6 +466,7 @@ class MatchRun {
   const MatchOptions& options_;
   ProgressReporter& progress_;
   const std::stop_token& stop_;
+  const PartStart* part_;  ///< nullptr between whole shapes
 
   PreparedMesh* own_x_;  ///< what may be mirrored, nullptr before a copy
 

@@ -6,6 +6,7 @@
 #include "absl/types/span.h"
 #include "core/pipeline/correspondence.h"
 #include "core/pipeline/match_options.h"
+#include "core/pipeline/part_start.h"
 #include "core/pipeline/prepared_mesh.h"
 #include "core/pipeline/progress_reporter.h"
 
@@ -20,6 +21,8 @@ struct MatchInputs {
   const PreparedMesh& y;
   absl::Span<const Landmark> landmarks;
   const MatchOptions& options;
+  /// How it begins where X is a part of Y, with X in its scale; else nullptr.
+  const PartStart* part = nullptr;
 };
 
 /// Match of two prepared meshes, from the seeds on: the stages of preparation

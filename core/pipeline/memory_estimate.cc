@@ -146,6 +146,35 @@ double Threads(const MatchOptions& options) {
              : std::max(1u, std::thread::hardware_concurrency());
 }
 
+/// What FindPartStart takes beside pools and growing maps: distances, twice as
+/// nearness, descriptors of both radii, differences. Before that distance
+/// fields, of every vertex to the pool.
+struct PartStartBytes {
+  double fields = 0;
+  double search = 0;
+};
+
+PartStartBytes PartStartBytesOf(MeshSize x, MeshSize y,
+                                std::int64_t num_landmarks,
+                                const MatchOptions& options) {
+  constexpr double kRadii = 2;
+  constexpr double kTriples = 2e6;
+  constexpr double kPoolOfPart = 400;
+  PartStartBytes bytes;
+  bytes.search = kTriples;
+  double differences = 1;
+  for (const bool is_part : {true, false}) {
+    const MeshSize mesh = is_part ? x : y;
+    double pool = PoolSize(mesh, num_landmarks, options);
+    if (is_part) pool = std::min(pool, kPoolOfPart + double(num_landmarks));
+    bytes.fields += 4 * double(mesh.vertices) * pool + 4 * pool * pool;
+    bytes.search += 12 * pool * pool + kRadii * 4 * kShotSize * pool;
+    differences *= pool;
+  }
+  bytes.search += 12 * differences;
+  return bytes;
+}
+
 }  // namespace
 
 std::int64_t EstimatePreparedExtraBytes(MeshSize x, MeshSize y,
@@ -183,7 +212,16 @@ std::int64_t EstimateMemoryBytes(MeshSize x, MeshSize y,
       std::abs(double(x.vertices - y.vertices)) > 0.1 * n
           ? std::max(bytes_x.descriptors, bytes_y.descriptors)
           : 0;
-  const double late = fields + both(&ShapeBytes::functions);
+  // A part is brought to the other's unit in a copy.
+  const bool is_part = options.relation != Relation::kWhole;
+  const double copied = is_part
+                            ? full_x.later + bytes_x.working + bytes_x.fields +
+                                  bytes_x.functions + bytes_x.descriptors
+                            : 0;
+  const double late = fields + both(&ShapeBytes::functions) + copied;
+  const PartStartBytes part_start =
+      is_part ? PartStartBytesOf(x, y, num_landmarks, options)
+              : PartStartBytes();
   const double environments =
       options.candidates_from_environments || options.second_stage_fraction > 0
           ? 160 * n
@@ -194,7 +232,9 @@ std::int64_t EstimateMemoryBytes(MeshSize x, MeshSize y,
       fields + both(&ShapeBytes::stencils) + kWorkspacePerVertex * n * threads,
       fields + both(&ShapeBytes::lanczos),
       late + both(&ShapeBytes::pool) + environments +
-          MatchingBytes(x, y, num_landmarks, options, threads),
+          MatchingBytes(x, y, num_landmarks, options, threads) +
+          part_start.search + kBallPerVertex * n * threads * double(is_part),
+      late + part_start.fields + both(&ShapeBytes::stencils) * double(is_part),
       late + both(&ShapeBytes::dense_columns) + environments + search,
       late + both(&ShapeBytes::columns) + search,
       late + both(&ShapeBytes::columns) + both(&ShapeBytes::descriptors) +

@@ -15,6 +15,7 @@
 #include "core/mesh/nearest_vertices.h"
 #include "core/mesh/spatial_order.h"
 #include "core/mesh/topology.h"
+#include "core/spectral/mean_curvature.h"
 
 namespace isomatch {
 namespace {
@@ -292,6 +293,29 @@ void Reflect(PreparedMesh* prepared) {
   for (SurfacePoint& point : prepared->coarse->embedding.points) {
     std::swap(point.weights[1], point.weights[2]);
   }
+}
+
+absl::Status Rescale(double factor, const MatchOptions& options,
+                     const std::stop_token& stop, PreparedMesh* prepared) {
+  prepared->full.mesh.positions *= factor;
+  if (prepared->coarse) prepared->coarse->working.mesh.positions *= factor;
+  const BasisPoints& basis = prepared->hash.basis;
+  std::vector<float> fields = basis.fields();
+  for (float& distance : fields) distance *= static_cast<float>(factor);
+  prepared->hash.basis = BasisPoints::FromFields(
+      basis.points(), basis.num_vertices(), std::move(fields));
+  prepared->laplacian.mass *= factor * factor;
+  prepared->spectral.mass *= factor * factor;
+  prepared->spectral.functions /= factor;
+  prepared->spectral.eigenvalues /= factor * factor;
+  if (options.curvature_weight > 0) {
+    const WorkingMesh& solved = prepared->solved();
+    ISOMATCH_ASSIGN_OR_RETURN(
+        prepared->curvature,
+        SmoothedMeanCurvature(prepared->laplacian, solved.mesh.positions,
+                              solved.normals, options.curvature_radius));
+  }
+  return Describe(options, stop, prepared);
 }
 
 absl::StatusOr<GeodesicHash> HashGeodesics(

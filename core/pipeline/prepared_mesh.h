@@ -110,6 +110,12 @@ DescribedSurface SurfaceOf(const PreparedMesh& prepared);
 absl::Status Describe(const MatchOptions& options, const std::stop_token& stop,
                       PreparedMesh* prepared);
 
+/// Multiplies all lengths of a shape by `factor`, so that two shapes have one
+/// unit: sqrt(area) of one of them. Smoothed curvature and descriptors, which
+/// speak of features of a size, are computed anew. Errors as PrepareMeshes.
+absl::Status Rescale(double factor, const MatchOptions& options,
+                     const std::stop_token& stop, PreparedMesh* prepared);
+
 /// Mirrors a shape in space: intrinsically it stays the same. Its faces are
 /// turned over, so that normals stay outward. Its descriptors change, and have
 /// to be made anew.

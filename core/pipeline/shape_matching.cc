@@ -15,6 +15,7 @@
 #include "core/pipeline/component_matching.h"
 #include "core/pipeline/match_run.h"
 #include "core/pipeline/memory_plan.h"
+#include "core/pipeline/part_start.h"
 #include "core/pipeline/preparation.h"
 #include "core/pipeline/progress_reporter.h"
 #include "core/pipeline/shape_contents.h"
@@ -158,7 +159,19 @@ absl::StatusOr<Correspondence> MatchWhole(PreparedShape& x, PreparedShape& y,
   }
   ISOMATCH_RETURN_IF_ERROR(
       CheckDecimated(SizesOf(*whole_x), SizesOf(*whole_y), options));
-  return RunMatch({*whole_x, own_x, *whole_y, request.landmarks, options},
+  if (options.relation == Relation::kWhole) {
+    return RunMatch({*whole_x, own_x, *whole_y, request.landmarks, options},
+                    &reporter, stop);
+  }
+  reporter.Begin(Stage::kSeeds);
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const PartStart start,
+      FindPartStart(*whole_x, *whole_y, request.landmarks, options,
+                    {reporter.Share(0, 1), stop}));
+  PreparedMesh copy;
+  if (own_x == nullptr) own_x = &(copy = *whole_x);
+  ISOMATCH_RETURN_IF_ERROR(Rescale(start.scale, options, stop, own_x));
+  return RunMatch({*own_x, own_x, *whole_y, request.landmarks, options, &start},
                   &reporter, stop);
 }
 
@@ -212,7 +225,8 @@ absl::StatusOr<Correspondence> MatchPreparedHere(
   const Request request = {landmarks, options, control};
   absl::StatusOr<Correspondence> result = absl::InternalError("not run");
   RunWithThreads(options.threads, [&] {
-    result = options.match_components && MatchedByComponents(most)
+    result = options.match_components && options.relation == Relation::kWhole &&
+                     MatchedByComponents(most)
                  ? PrepareAndMatchComponents(x, y, request)
                  : MatchWhole(x, y, request);
   });

@@ -28,8 +28,10 @@ std::string Confidence(const Correspondence& found) {
                       std::round(100 * found.quality.mean_confidence) / 100);
 }
 
+/// What of Y a part leaves free says nothing.
 bool IsCovered(const Correspondence& found) {
-  return found.quality.coverage >= kLeastCoverage;
+  return found.relation == Relation::kPartOfY ||
+         found.quality.coverage >= kLeastCoverage;
 }
 
 std::string Uncovered(const Correspondence& found) {
@@ -54,8 +56,8 @@ Verdict Bad(const Correspondence& found) {
   } else if (!IsCovered(found)) {
     absl::StrAppend(&bad.reason, ", ", Uncovered(found));
     bad.advice =
-        "match whole shapes: a part against a whole is not found this way; or "
-        "give known matches as landmarks";
+        "if X is a part of Y, match it as relation part-of-y; or give known "
+        "matches as landmarks";
   } else {
     absl::StrAppend(&bad.reason, ", ", Stretched(found));
     bad.advice =

@@ -23,6 +23,8 @@ struct Arguments {
   QueueSelection queue;
   int threads = 0;
   std::string profile = "default";
+  std::string relation = RelationName(Relation::kWhole);
+  std::string scale = LengthScaleName(LengthScale::kAuto);
   std::string out;
   std::vector<std::string> settings;
   std::string instruction_set = InstructionSet();
@@ -31,6 +33,16 @@ struct Arguments {
 void AddMatchOptions(CLI::App* command, Arguments* arguments) {
   command->add_option("--profile", arguments->profile, "default or paper")
       ->check(CLI::IsMember({"default", "paper"}))
+      ->capture_default_str();
+  command
+      ->add_option("--relation", arguments->relation,
+                   "whole, or part-of-y: X is a part of Y")
+      ->check(CLI::IsMember({"whole", "part-of-y"}))
+      ->capture_default_str();
+  command
+      ->add_option("--scale", arguments->scale,
+                   "Of part-of-y: same where both have one unit, else auto")
+      ->check(CLI::IsMember({"auto", "same"}))
       ->capture_default_str();
   command->add_option("--set", arguments->settings,
                       "Another value of an option: name=number, repeatable");
@@ -170,6 +182,12 @@ absl::Status Run(const Arguments& arguments, const std::string& command) {
     return status;
   }
   options.threads = arguments.threads;
+  if (arguments.relation == RelationName(Relation::kPartOfY)) {
+    options.relation = Relation::kPartOfY;
+  }
+  if (arguments.scale == LengthScaleName(LengthScale::kSame)) {
+    options.scale = LengthScale::kSame;
+  }
   if (const absl::Status status = UseInstructionSet(arguments.instruction_set);
       !status.ok()) {
     return status;

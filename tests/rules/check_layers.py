@@ -96,7 +96,7 @@ FLOORS = {folder: [set(names.split()) for names in floors] for folder, floors in
         " prepared_shape progress verdict",
         "memory_plan progress_reporter stage_plan",
         "prepared_mesh",
-        "candidate_choice component_matching confidence landmarks lifting preparation"
+        "candidate_choice component_matching confidence landmarks lifting part_start preparation"
         " user_numbering",
         "prepared_shape_io quality_report shape_contents",
         "match_run",

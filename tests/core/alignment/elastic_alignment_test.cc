@@ -1,6 +1,8 @@
 #include "core/alignment/elastic_alignment.h"
 
+#include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -92,6 +94,67 @@ TEST_F(ElasticAlignmentTest, RepairsANoisyMap) {
         (PositionOf(y_.mesh, (*points)[v]) - y_.mesh.positions.row(v)).norm();
   }
   EXPECT_LT(offset / x_.mesh.num_vertices(), 0.3 * MeanEdgeLength(y_.mesh));
+}
+
+TEST_F(ElasticAlignmentTest, EitherShapesFunctionsCanBeCarried) {
+  options_.carry_x = true;
+  ElasticAlignment alignment(x_.shape(), y_.shape(), options_, NoisyIdentity());
+  for (const double stiffness : {0.03, 0.01, 0.003}) {
+    ASSERT_THAT(alignment.Run(stiffness, 4, {}), IsOk());
+  }
+  EXPECT_GT(FractionSame(alignment.y_from_x()), 0.8);
+}
+
+TEST_F(ElasticAlignmentTest, OfAPartItsOwnFunctionsAreCarried) {
+  // Without the faces beyond a height; its vertices come first on the whole.
+  TriangleMesh whole = FiveArms(3);
+  std::vector<VertexIndex> order;
+  for (const bool kept : {true, false}) {
+    for (VertexIndex v = 0; v < whole.num_vertices(); ++v) {
+      if ((whole.positions(v, 0) < 0.2) == kept) order.push_back(v);
+    }
+  }
+  VertexMap new_from_old(order.size());
+  for (std::size_t v = 0; v < order.size(); ++v) {
+    new_from_old[order[v]] = static_cast<VertexIndex>(v);
+  }
+  whole = Relabeled(whole, new_from_old);
+  const Prepared y(Bent(whole));
+  TriangleMesh part;
+  std::vector<VertexIndex> faces;
+  VertexIndex vertices = 0;
+  for (VertexIndex f = 0; f < whole.num_faces(); ++f) {
+    const auto corners = whole.faces.row(f);
+    if (!(whole.positions(corners, 0).array() < 0.2).all()) continue;
+    faces.push_back(f);
+    vertices = std::max(vertices, corners.maxCoeff() + 1);
+  }
+  part.faces = whole.faces(faces, Eigen::all);
+  part.positions = whole.positions.topRows(vertices);
+  Prepared x(part);
+  // Prepared has made the area 1; back to the whole's unit.
+  const double scale = std::sqrt(SurfaceArea(part) / SurfaceArea(whole));
+  x.mesh.positions *= scale;
+  x.laplacian.mass *= scale * scale;
+  x.functions /= static_cast<float>(scale);
+  VertexMap noisy;
+  const VertexStars stars(y.mesh);
+  RandomStream random(1, 1);
+  for (VertexIndex v = 0; v < vertices; ++v) {
+    const auto near = stars.Neighbors(v);
+    noisy.push_back(near[random.Below(static_cast<int>(near.size()))]);
+  }
+  double same[2];
+  for (const bool carry_x : {false, true}) {
+    options_.carry_x = carry_x;
+    ElasticAlignment alignment(x.shape(), y.shape(), options_, noisy);
+    for (const double stiffness : {0.03, 0.01, 0.003}) {
+      ASSERT_THAT(alignment.Run(stiffness, 4, {}), IsOk());
+    }
+    same[carry_x] = FractionSame(alignment.y_from_x());
+  }
+  EXPECT_GT(same[true], 0.7);
+  EXPECT_GT(same[true], same[false]);
 }
 
 TEST_F(ElasticAlignmentTest, ScoresTellARightMapFromAReflectedOne) {

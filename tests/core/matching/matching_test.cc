@@ -81,6 +81,58 @@ TEST_P(MatchingTest, ChangesAreThoseOfAFullEvaluation) {
   }
 }
 
+TEST_P(MatchingTest, CostsOfSingleMatchesCountInAllOfThem) {
+  RandomStream random(2, 0);
+  Eigen::MatrixXf costs(y_.pool().size(), x_.pool().size());
+  for (float& cost : costs.reshaped()) cost = static_cast<float>(random.Unit());
+  const PointCosts point_costs = {costs, 0.2f};
+  Matching matching(x_.pool(), y_.pool(), 60, &point_costs);
+  const auto expected = [&] {
+    double sum = BruteForceEnergy(x_.pool(), y_.pool(), matching.Matches());
+    for (const PointMatch& match : matching.Matches()) {
+      sum += (matching.size() - 1) * 0.2 * costs(match.y, match.x);
+    }
+    return sum;
+  };
+  while (matching.size() < 40) {
+    const int x = RandomUnmatched(kX);
+    const int y = RandomUnmatched(kY);
+    if (matching.is_matched(kX, x) || matching.is_matched(kY, y)) continue;
+    std::vector<float> all;
+    matching.EmbeddingErrors(kX, x, &all);
+    std::vector<float> from_y;
+    matching.EmbeddingErrors(kY, y, std::vector<int>{x}, &from_y);
+    EXPECT_NEAR(all[y], from_y[0], 1e-4);
+    double error = 0.5 * matching.size() * 0.2 * costs(y, x);
+    for (const PointMatch& match : matching.Matches()) {
+      error += std::abs(
+          x_.closeness()(x_.pool().vertex(x), x_.pool().vertex(match.x)) -
+          y_.closeness()(y_.pool().vertex(y), y_.pool().vertex(match.y)));
+    }
+    EXPECT_NEAR(all[y], error, 1e-4);
+    matching.Add({x, y});
+  }
+  EXPECT_NEAR(matching.Energy(), expected(), kRounding);
+  for (int step = 0; step < 100; ++step) {
+    const double before = expected();
+    const int i = random_.Below(40);
+    double change = 0;
+    if (step % 2 == 0) {
+      const int j = (i + 1 + random_.Below(39)) % 40;
+      change = matching.SwapChange(i, j);
+      matching.Swap(i, j);
+    } else {
+      int y = random_.Below(y_.pool().size());
+      while (matching.is_matched(kY, y)) y = random_.Below(y_.pool().size());
+      std::vector<float> changes;
+      matching.RelocateChanges(i, {y}, &changes);
+      change = changes[0];
+      matching.Relocate(i, y);
+    }
+    ASSERT_NEAR(change, expected() - before, kRounding) << "step " << step;
+  }
+}
+
 TEST_P(MatchingTest, StaysInjectiveAndKnowsWhatIsMatched) {
   AddRandom(50);
   for (int step = 0; step < 100; ++step) {

@@ -1,0 +1,240 @@
+#include "core/matching/alike_seeds.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <utility>
+
+#include <Eigen/Geometry>
+
+#include "core/base/parallel.h"
+#include "core/base/random_stream.h"
+#include "core/base/status_macros.h"
+
+namespace isomatch {
+namespace {
+
+/// Triples whose points lie nearer or farther than this are not tried, in
+/// sqrt(area): they say little, or what others say as well.
+constexpr float kNearest = 0.08f;
+constexpr float kFarthest = 0.8f;
+/// Two distances agree when they differ by no more than kTolerance times
+/// (kShort + the smaller one).
+constexpr float kTolerance = 0.1f;
+constexpr float kShort = 0.3f;
+/// Product of sines below which two points lie on another side.
+constexpr double kOtherSide = -0.05;
+/// Distances count less the longer they are.
+constexpr float kSupportWidth = 0.25f;
+/// Sum over a triple of the differences of exp(-d / kSupportWidth) from which a
+/// point does not support it.
+constexpr float kNoSupport = 0.25f;
+/// Seeds before one that it is compared with.
+constexpr std::size_t kCompared = 300;
+/// Triples by which the support of all is told.
+constexpr std::size_t kBest = 100;
+/// Random streams that share the tries.
+constexpr int kStreams = 64;
+
+/// A triple and how well it is supported.
+struct RankedTriple {
+  std::array<PointMatch, 3> matches;
+  float support = -1;
+};
+
+bool Agree(float a, float b) {
+  return std::abs(a - b) <= kTolerance * (kShort + std::min(a, b));
+}
+
+/// On which side of each other, seen from outside, two points lie around a
+/// third, as the sine of an angle.
+double SideAround(const PointFrames& frames, int at, int a, int b) {
+  const Eigen::RowVector3d to_a =
+      frames.positions.row(a) - frames.positions.row(at);
+  const Eigen::RowVector3d to_b =
+      frames.positions.row(b) - frames.positions.row(at);
+  const double length = to_a.norm() * to_b.norm();
+  return length > 0 ? frames.normals.row(at).dot(to_a.cross(to_b)) / length : 0;
+}
+
+class TripleSearch {
+ public:
+  TripleSearch(const Eigen::MatrixXf& differences, const SeedSide& x,
+               const SeedSide& y, const AlikeSeedOptions& options)
+      : differences_(differences),
+        x_(x),
+        y_(y),
+        options_(options),
+        points_x_(std::min<int>(options.points_x, differences.cols())),
+        nearness_x_((-x.distances / kSupportWidth).array().exp()),
+        nearness_y_((-y.distances / kSupportWidth).array().exp()) {
+    FindPartners();
+  }
+
+  /// One random triple with its best partners; no support where it has none.
+  RankedTriple Try(RandomStream* random) const {
+    const std::array<int, 3> xs = {random->Below(points_x_),
+                                   random->Below(points_x_),
+                                   random->Below(points_x_)};
+    RankedTriple triple;
+    if (xs[0] == xs[1] || xs[1] == xs[2] || xs[0] == xs[2]) return triple;
+    for (int i = 0; i < 3; ++i) {
+      const float distance = x_.distances(xs[i], xs[(i + 1) % 3]);
+      if (distance < kNearest || distance > kFarthest) return triple;
+    }
+    const std::array<int, 3> ys = BestPartners(xs);
+    if (ys[0] < 0) return triple;
+    for (int i = 0; i < 3; ++i) triple.matches[i] = {xs[i], ys[i]};
+    triple.support = Support(triple.matches);
+    return triple;
+  }
+
+ private:
+  void FindPartners() {
+    const int count = std::min<int>(options_.partners, differences_.rows());
+    std::vector<int> order(differences_.rows());
+    for (int x = 0; x < points_x_; ++x) {
+      std::iota(order.begin(), order.end(), 0);
+      std::partial_sort(order.begin(), order.begin() + count, order.end(),
+                        [&](int a, int b) {
+                          return std::pair(differences_(a, x), a) <
+                                 std::pair(differences_(b, x), b);
+                        });
+      partners_.emplace_back(order.begin(), order.begin() + count);
+    }
+  }
+
+  bool AgreesInSide(const std::array<int, 3>& xs,
+                    const std::array<int, 3>& ys) const {
+    if (!options_.oriented) return true;
+    return SideAround(x_.frames, xs[0], xs[1], xs[2]) *
+               SideAround(y_.frames, ys[0], ys[1], ys[2]) >=
+           kOtherSide;
+  }
+
+  /// The partners that agree in distances and side and look most alike; -1 for
+  /// none.
+  std::array<int, 3> BestPartners(const std::array<int, 3>& xs) const {
+    std::array<int, 3> best = {-1, -1, -1};
+    float least = std::numeric_limits<float>::infinity();
+    const float ab = x_.distances(xs[0], xs[1]);
+    const float bc = x_.distances(xs[1], xs[2]);
+    const float ac = x_.distances(xs[0], xs[2]);
+    for (const int a : partners_[xs[0]]) {
+      for (const int b : partners_[xs[1]]) {
+        if (a == b || !Agree(ab, y_.distances(a, b))) continue;
+        const float so_far = differences_(a, xs[0]) + differences_(b, xs[1]);
+        if (so_far >= least) continue;
+        for (const int c : partners_[xs[2]]) {
+          if (c == a || c == b || !Agree(bc, y_.distances(b, c)) ||
+              !Agree(ac, y_.distances(a, c))) {
+            continue;
+          }
+          const float difference = so_far + differences_(c, xs[2]);
+          if (difference >= least || !AgreesInSide(xs, {a, b, c})) continue;
+          least = difference;
+          best = {a, b, c};
+        }
+      }
+    }
+    return best;
+  }
+
+  /// How many points have a partner at the distances that the triple asks for,
+  /// near ones counting more.
+  float Support(const std::array<PointMatch, 3>& triple) const {
+    const auto& [a, b, c] = triple;
+    float support = 0;
+    for (int x = 0; x < points_x_; ++x) {
+      const Eigen::Array3f wanted(nearness_x_(x, a.x), nearness_x_(x, b.x),
+                                  nearness_x_(x, c.x));
+      float least = kNoSupport;
+      for (const int y : partners_[x]) {
+        const float error = std::abs(wanted[0] - nearness_y_(y, a.y)) +
+                            std::abs(wanted[1] - nearness_y_(y, b.y)) +
+                            std::abs(wanted[2] - nearness_y_(y, c.y));
+        least = std::min(least, error);
+      }
+      support += wanted.maxCoeff() * (1 - least / kNoSupport);
+    }
+    return support;
+  }
+
+  const Eigen::MatrixXf& differences_;
+  const SeedSide& x_;
+  const SeedSide& y_;
+  const AlikeSeedOptions& options_;
+  const int points_x_;
+  const Eigen::ArrayXXf nearness_x_;
+  const Eigen::ArrayXXf nearness_y_;
+  std::vector<std::vector<int>> partners_;  ///< of each of X's points
+};
+
+/// Fills support and ratio from the triples, best first.
+void SumUp(const std::vector<RankedTriple>& triples, const SeedSide& x,
+           const SeedSide& y, SupportedSeeds* found) {
+  std::vector<float> ratios;
+  for (std::size_t i = 0; i < std::min(kBest, triples.size()); ++i) {
+    if (triples[i].support < 0) break;
+    found->support += triples[i].support / double(kBest);
+    const auto& matches = triples[i].matches;
+    for (int a = 0; a < 3; ++a) {
+      const PointMatch& one = matches[a];
+      const PointMatch& other = matches[(a + 1) % 3];
+      ratios.push_back(y.distances(one.y, other.y) /
+                       x.distances(one.x, other.x));
+    }
+  }
+  if (ratios.empty()) return;
+  const auto middle = ratios.begin() + ratios.size() / 2;
+  std::nth_element(ratios.begin(), middle, ratios.end());
+  found->ratio = *middle;
+}
+
+bool ShareTwo(const std::array<PointMatch, 3>& triple, const Seed& seed) {
+  int same = 0;
+  for (const PointMatch& match : triple) {
+    same += static_cast<int>(std::count(seed.begin(), seed.end(), match));
+  }
+  return same >= 2;
+}
+
+}  // namespace
+
+absl::StatusOr<SupportedSeeds> AlikeSeeds(const Eigen::MatrixXf& differences,
+                                          const SeedSide& x, const SeedSide& y,
+                                          const AlikeSeedOptions& options,
+                                          const std::stop_token& stop) {
+  const TripleSearch search(differences, x, y, options);
+  std::vector<RankedTriple> triples(options.tries);
+  ISOMATCH_RETURN_IF_ERROR(ParallelFor(kStreams, stop, [&](std::int64_t i) {
+    RandomStream random(options.random_seed, i);
+    for (int t = static_cast<int>(i); t < options.tries; t += kStreams) {
+      triples[t] = search.Try(&random);
+    }
+  }));
+  std::stable_sort(triples.begin(), triples.end(),
+                   [](const RankedTriple& a, const RankedTriple& b) {
+                     return a.support > b.support;
+                   });
+  SupportedSeeds found;
+  SumUp(triples, x, y, &found);
+  std::vector<Seed>& seeds = found.seeds;
+  for (const RankedTriple& triple : triples) {
+    if (triple.support < 0 ||
+        seeds.size() == static_cast<std::size_t>(options.max_seeds)) {
+      break;
+    }
+    const auto first = seeds.end() - std::min(seeds.size(), kCompared);
+    if (std::none_of(first, seeds.end(), [&](const Seed& seed) {
+          return ShareTwo(triple.matches, seed);
+        })) {
+      seeds.emplace_back(triple.matches.begin(), triple.matches.end());
+    }
+  }
+  return found;
+}
+
+}  // namespace isomatch

@@ -1,0 +1,344 @@
+#include "core/pipeline/part_start.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <string>
+#include <utility>
+
+#include "core/base/parallel.h"
+#include "core/base/status_macros.h"
+#include "core/descriptor/point_differences.h"
+#include "core/geodesic/distance_field_solver.h"
+#include "core/geodesic/rim_distance.h"
+#include "core/matching/alike_seeds.h"
+#include "core/matching/closeness.h"
+#include "core/matching/first_stage.h"
+#include "core/matching/orientation.h"
+#include "core/mesh/mesh_geometry.h"
+#include "core/pipeline/landmarks.h"
+#include "core/pipeline/stage_plan.h"
+
+namespace isomatch {
+namespace {
+
+/// Points of the part's pool: it has no others to compete with.
+constexpr int kPoolX = 400;
+/// Of the smaller balls by which points are compared, sqrt(area of Y); of the
+/// larger ones twice that. They hold at least so many edges; an edge of X
+/// counts with a part's usual scale, which is not known yet.
+constexpr double kLeastRadius = 0.08;
+constexpr double kLeastEdges = 3;
+constexpr double kUsualScale = 0.7;
+
+/// Scales that are tried: from kLeastScale on, each kScaleStep times the one
+/// before. A part is no larger than the whole, but for what it is stretched.
+constexpr double kLeastScale = 0.25;
+constexpr double kMostScale = 1.3;
+constexpr double kScaleStep = 1.12;
+/// Scales nearer than this to each other are one.
+constexpr double kSameScale = 1.05;
+/// Peaks of the support that are looked at, and how far beside the best one
+/// the right one may lie, on the shoulder of a false peak.
+constexpr std::size_t kPeaks = 3;
+constexpr double kBesideThePeak = 1.4;
+/// Times that a scale is corrected by the ratio of the distances.
+constexpr int kCorrections = 3;
+constexpr double kExactRatio = 1.004;
+/// Steps from the best scale on in both directions, until so many in a row are
+/// worse than the best.
+constexpr double kFineStep = 1.1;
+constexpr int kPatience = 2;
+
+/// How many seeds are looked for, among how many points of X.
+struct Effort {
+  int points_x;
+  int tries;
+  int max_seeds;
+};
+constexpr Effort kToScan = {200, 8000, 100};
+constexpr Effort kToCompare = {kPoolX, 20000, 100};
+constexpr Effort kToMatch = {kPoolX, 40000, 300};
+
+double Apart(double a, double b) { return std::abs(std::log(a / b)); }
+
+/// One shape in its own unit.
+struct Measured {
+  std::vector<VertexIndex> vertices;  ///< of the pool
+  PointFrames frames;
+  std::vector<float> rim_distances;
+  Eigen::MatrixXf distances;  ///< P x P, between the pool's points
+};
+
+absl::Status Measure(const PreparedMesh& shape, const std::stop_token& stop,
+                     Measured* measured) {
+  const WorkingMesh& solved = shape.solved();
+  const DistanceFieldSolver solver(solved.mesh, stop);
+  const std::vector<VertexIndex>& vertices = measured->vertices;
+  measured->frames = {solved.mesh.positions(vertices, Eigen::all),
+                      solved.normals(vertices, Eigen::all),
+                      shape.curvature(vertices)};
+  measured->rim_distances = RimDistances(solved.mesh, solver);
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const BasisPoints fields,
+      BasisPoints::Create(solver, vertices, nullptr, stop));
+  const auto size = static_cast<int>(vertices.size());
+  measured->distances.resize(size, size);
+  for (int i = 0; i < size; ++i) {
+    for (int j = 0; j <= i; ++j) {
+      // The fields are not symmetric to the last digit.
+      const float distance = 0.5f * (fields.Distance(vertices[i], j) +
+                                     fields.Distance(vertices[j], i));
+      measured->distances(i, j) = distance;
+      measured->distances(j, i) = distance;
+    }
+  }
+  return absl::OkStatus();
+}
+
+/// What is found at one scale.
+struct Start {
+  double scale = 1;
+  Eigen::MatrixXf differences;
+  SupportedSeeds found;
+};
+
+/// Looks for seeds between two shapes at any scale.
+class StartSearch {
+ public:
+  StartSearch(const PreparedMesh& x, const PreparedMesh& y,
+              const MatchOptions& options, const SearchControl& control)
+      : x_(x),
+        y_(y),
+        options_(options),
+        control_(control),
+        closeness_y_(y.hash.basis, options.kernel_width) {}
+
+  absl::Status Prepare(absl::Span<const Landmark> landmarks) {
+    std::vector<std::string> known_warnings;
+    ISOMATCH_ASSIGN_OR_RETURN(
+        const std::vector<WorkingLandmark> taken,
+        TakeLandmarks(landmarks, x_, y_, &known_warnings));
+    of_x_.vertices = PoolVertices(x_.hash, kPoolX, VerticesOf(taken, kX));
+    of_y_.vertices =
+        PoolVertices(y_.hash, options_.pool_size, VerticesOf(taken, kY));
+    ISOMATCH_RETURN_IF_ERROR(
+        RunBoth([&] { return Measure(x_, control_.stop, &of_x_); },
+                [&] { return Measure(y_, control_.stop, &of_y_); }));
+    const double edge =
+        std::max(MeanEdgeLength(y_.solved().mesh),
+                 kUsualScale * MeanEdgeLength(x_.solved().mesh));
+    const double radius = std::max(kLeastRadius, kLeastEdges * edge);
+    radii_ = {radius, 2 * radius};
+    ISOMATCH_ASSIGN_OR_RETURN(
+        described_y_,
+        DescribePoints(SurfaceOf(y_), of_y_.vertices, of_y_.rim_distances,
+                       radii_, control_.stop));
+    return absl::OkStatus();
+  }
+
+  absl::StatusOr<Start> At(double scale, const Effort& effort) const {
+    const std::stop_token& stop = control_.stop;
+    const std::array<double, 2> radii = {radii_[0] / scale, radii_[1] / scale};
+    // All of the pool has to be described, with the landmarks at its end.
+    const std::size_t points =
+        effort.points_x < kPoolX
+            ? std::min<std::size_t>(effort.points_x, of_x_.vertices.size())
+            : of_x_.vertices.size();
+    ISOMATCH_ASSIGN_OR_RETURN(
+        const PointDescriptors described_x,
+        DescribePoints(SurfaceOf(x_),
+                       absl::MakeConstSpan(of_x_.vertices).first(points),
+                       of_x_.rim_distances, radii, stop));
+    Start start = {scale, PointDifferences(described_x, described_y_), {}};
+    const auto size = static_cast<Eigen::Index>(points);
+    const Eigen::MatrixXf distances_x =
+        static_cast<float>(scale) * of_x_.distances.topLeftCorner(size, size);
+    AlikeSeedOptions seeds;
+    seeds.max_seeds = effort.max_seeds;
+    seeds.tries = effort.tries;
+    seeds.oriented = oriented();
+    seeds.random_seed = options_.random_seed;
+    ISOMATCH_ASSIGN_OR_RETURN(
+        start.found, AlikeSeeds(start.differences, {distances_x, of_x_.frames},
+                                {of_y_.distances, of_y_.frames}, seeds, stop));
+    return start;
+  }
+
+  /// The scale at which a map grows best.
+  absl::StatusOr<double> Scale() {
+    ISOMATCH_ASSIGN_OR_RETURN(
+        pool_y_,
+        PointPool::Create(closeness_y_, of_y_.vertices, control_.stop));
+    ISOMATCH_ASSIGN_OR_RETURN(const std::vector<double> scales, Scales());
+    double best = 1;
+    double least = std::numeric_limits<double>::infinity();
+    const auto is_better = [&](double scale) -> absl::StatusOr<bool> {
+      ISOMATCH_ASSIGN_OR_RETURN(const double badness, BadnessAt(scale));
+      if (badness >= least) return false;
+      least = badness;
+      best = scale;
+      return true;
+    };
+    for (std::size_t i = 0; i < scales.size(); ++i) {
+      ISOMATCH_RETURN_IF_ERROR(is_better(scales[i]).status());
+      control_.progress(0.5 + 0.3 * double(i + 1) / double(scales.size()));
+    }
+    const double middle = best;
+    for (const double step : {kFineStep, 1 / kFineStep}) {
+      double scale = middle;
+      for (int worse = 0; worse < kPatience;) {
+        scale *= step;
+        ISOMATCH_ASSIGN_OR_RETURN(const bool better, is_better(scale));
+        worse = better ? 0 : worse + 1;
+      }
+    }
+    control_.progress(0.9);
+    return best;
+  }
+
+  PartStart Result(Start start) && {
+    return {start.scale,
+            {std::move(of_x_.vertices), std::move(of_y_.vertices)},
+            std::move(start.differences),
+            std::move(start.found.seeds)};
+  }
+
+ private:
+  bool oriented() const { return x_.solved().oriented && y_.solved().oriented; }
+
+  /// What was found at a scale, but for what it was found by.
+  struct Tried {
+    double scale;
+    double support;
+    double ratio;
+  };
+
+  absl::StatusOr<Tried> Try(double scale) const {
+    ISOMATCH_ASSIGN_OR_RETURN(const Start start, At(scale, kToScan));
+    return Tried{scale, start.found.support, start.found.ratio};
+  }
+
+  /// Those at which seeds have the most support, best first, and two beside.
+  absl::StatusOr<std::vector<double>> Scales() const {
+    std::vector<Tried> all;
+    const double steps =
+        std::log(kMostScale / kLeastScale) / std::log(kScaleStep);
+    for (double scale = kLeastScale; scale < kMostScale; scale *= kScaleStep) {
+      ISOMATCH_ASSIGN_OR_RETURN(const Tried tried, Try(scale));
+      all.push_back(tried);
+      control_.progress(0.1 + 0.4 * std::min(1.0, double(all.size()) / steps));
+    }
+    std::vector<double> scales;
+    const auto add = [&](double scale) {
+      if (std::none_of(scales.begin(), scales.end(), [&](double other) {
+            return Apart(scale, other) < std::log(kSameScale);
+          })) {
+        scales.push_back(scale);
+      }
+    };
+    for (const Tried& peak : Peaks(all)) {
+      ISOMATCH_ASSIGN_OR_RETURN(const double exact, Corrected(peak));
+      add(exact);
+    }
+    const double best = scales.front();
+    add(best * kBesideThePeak);
+    add(best / kBesideThePeak);
+    return scales;
+  }
+
+  /// Local maxima of the support, best first.
+  static std::vector<Tried> Peaks(const std::vector<Tried>& all) {
+    std::vector<Tried> peaks;
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      if (i > 0 && all[i - 1].support > all[i].support) continue;
+      if (i + 1 < all.size() && all[i + 1].support >= all[i].support) continue;
+      peaks.push_back(all[i]);
+    }
+    std::stable_sort(
+        peaks.begin(), peaks.end(),
+        [](const Tried& a, const Tried& b) { return a.support > b.support; });
+    if (peaks.size() > kPeaks) peaks.resize(kPeaks);
+    return peaks;
+  }
+
+  /// A scale between those that were tried, by what the distances say.
+  absl::StatusOr<double> Corrected(Tried tried) const {
+    for (int i = 0;
+         i < kCorrections && Apart(tried.ratio, 1) > std::log(kExactRatio);
+         ++i) {
+      ISOMATCH_ASSIGN_OR_RETURN(
+          const Tried next,
+          Try(tried.scale * std::clamp(tried.ratio, 0.8, 1.25)));
+      if (next.support < 0.9 * tried.support) break;
+      tried = next;
+    }
+    return tried.scale * std::clamp(tried.ratio, 0.95, 1.05);
+  }
+
+  /// How bad the best map of the first stage is, by what it is ranked by and by
+  /// how unlike its points look; infinity without seeds.
+  absl::StatusOr<double> BadnessAt(double scale) const {
+    const std::stop_token& stop = control_.stop;
+    ISOMATCH_ASSIGN_OR_RETURN(const Start start, At(scale, kToCompare));
+    if (start.found.seeds.empty()) {
+      return std::numeric_limits<double>::infinity();
+    }
+    // In X's unit the kernel is as much wider.
+    const Closeness closeness_x(x_.hash.basis, options_.kernel_width / scale);
+    ISOMATCH_ASSIGN_OR_RETURN(
+        const PointPool pool_x,
+        PointPool::Create(closeness_x, of_x_.vertices, stop));
+    PointFrames frames_x = of_x_.frames;
+    frames_x.curvatures /= scale;
+    FirstStageOptions first = FirstStageOptionsOf(options_, 0);
+    first.max_results = 1;
+    if (!oriented()) first.orientation_from = 0;
+    const CandidateSearch all_points;
+    const PointCosts costs = {start.differences, kUnlikenessWeight};
+    ISOMATCH_ASSIGN_OR_RETURN(
+        const std::vector<RankedMap> maps,
+        RunFirstStage({pool_x, pool_y_, all_points, all_points, frames_x,
+                       of_y_.frames, &costs},
+                      start.found.seeds, first, nullptr, stop));
+    const Matching& best = maps.front().matching;
+    double unlikeness = 0;
+    for (const auto& [x, y] : best.Matches()) {
+      unlikeness += start.differences(y, x) / best.size();
+    }
+    // The smaller X, the less its distances can disagree; but it looks unlike.
+    return maps.front().badness * unlikeness;
+  }
+
+  const PreparedMesh& x_;
+  const PreparedMesh& y_;
+  const MatchOptions& options_;
+  const SearchControl& control_;
+  const Closeness closeness_y_;
+  PointPool pool_y_;  ///< of Scale
+  Measured of_x_;
+  Measured of_y_;
+  std::array<double, 2> radii_ = {};  ///< sqrt(area of Y)
+  PointDescriptors described_y_;
+};
+
+}  // namespace
+
+absl::StatusOr<PartStart> FindPartStart(const PreparedMesh& x,
+                                        const PreparedMesh& y,
+                                        absl::Span<const Landmark> landmarks,
+                                        const MatchOptions& options,
+                                        const SearchControl& control) {
+  StartSearch search(x, y, options, control);
+  ISOMATCH_RETURN_IF_ERROR(search.Prepare(landmarks));
+  control.progress(0.1);
+  double scale = std::sqrt(x.full.area / y.full.area);
+  if (options.scale == LengthScale::kAuto) {
+    ISOMATCH_ASSIGN_OR_RETURN(scale, search.Scale());
+  }
+  ISOMATCH_ASSIGN_OR_RETURN(Start start, search.At(scale, kToMatch));
+  control.progress(1);
+  return std::move(search).Result(std::move(start));
+}
+
+}  // namespace isomatch
