@@ -37,6 +37,8 @@ void SetOptions(const MatchRequest& request, v1::MatchOptions* options) {
   options->set_random_seed(request.random_seed);
   options->set_threads(request.threads);
   options->set_landmarks_exact(request.landmarks_exact);
+  options->set_relation(request.relation);
+  options->set_scale(request.scale);
   options->set_functional_map(Wants(request, v1::RESULT_PART_FUNCTIONAL_MAP));
   options->set_memory_limit_bytes(request.memory_limit_bytes);
   if (request.solved_vertices) {

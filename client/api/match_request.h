@@ -25,6 +25,8 @@ struct MatchRequest {
   std::uint64_t random_seed = 1;
   /// 0 means the server's share.
   std::uint32_t threads = 0;
+  v1::Relation relation = v1::RELATION_WHOLE;
+  v1::LengthScale scale = v1::LENGTH_SCALE_AUTO;
   /// Keeps every landmark, whatever contradicts it.
   bool landmarks_exact = false;
   /// What to download beside the map. RESULT_PART_FUNCTIONAL_MAP is computed

@@ -26,6 +26,9 @@ std::string MapOptions(const JobOptions& job) {
       job.solved_vertices ? absl::StrCat(*job.solved_vertices) : "default",
       job.memory_limit_bytes > 0 ? absl::StrCat("\n", job.memory_limit_bytes)
                                  : "",
+      job.relation == "whole"
+          ? ""
+          : absl::StrCat("\n", job.relation, " ", job.scale),
       job.weld.empty() ? "" : absl::StrCat("\nweld ", job.weld));
 }
 

@@ -237,7 +237,38 @@ absl::Status SetProfile(MatchOptions& options, absl::string_view value) {
   options.memory_limit_bytes = old.memory_limit_bytes;
   options.landmarks_exact = old.landmarks_exact;
   options.keep_functional_map = old.keep_functional_map;
+  options.relation = old.relation;
+  options.scale = old.scale;
   return absl::OkStatus();
+}
+
+/// Whether relation and scale go together is checked where they are used, so
+/// that their order does not matter.
+absl::Status SetText(MatchOptions& options, absl::string_view name,
+                     absl::string_view value) {
+  using isomatch::LengthScale;
+  using isomatch::Relation;
+  if (name == "profile") return SetProfile(options, value);
+  if (name == "relation") {
+    for (const Relation known : {Relation::kWhole, Relation::kPartOfY}) {
+      if (value != isomatch::RelationName(known)) continue;
+      options.relation = known;
+      return absl::OkStatus();
+    }
+    return Invalid("options.relation",
+                   absl::StrCat("'", value, "', expected whole or part-of-y"));
+  }
+  if (name == "scale") {
+    for (const LengthScale known : {LengthScale::kAuto, LengthScale::kSame}) {
+      if (value != isomatch::LengthScaleName(known)) continue;
+      options.scale = known;
+      return absl::OkStatus();
+    }
+    return Invalid("options.scale",
+                   absl::StrCat("'", value, "', expected auto or same"));
+  }
+  return Invalid(absl::StrCat("options.", name),
+                 "there is no such text, expected profile, relation or scale");
 }
 
 }  // namespace
@@ -283,12 +314,8 @@ isomatch_status isomatch_options_set_text(isomatch_options* options,
                                           const char* name, const char* value,
                                           isomatch_error** error) {
   return Guarded(error, [&]() -> absl::Status {
-    if (std::strcmp(name, "profile") != 0) {
-      return Invalid(absl::StrCat("options.", name),
-                     "there is no such text, expected profile");
-    }
     MatchOptions changed = options->options;
-    ISOMATCH_RETURN_IF_ERROR(SetProfile(changed, value));
+    ISOMATCH_RETURN_IF_ERROR(SetText(changed, name, value));
     options->options = std::move(changed);
     return absl::OkStatus();
   });

@@ -92,6 +92,9 @@ typedef struct isomatch_landmark {
 /* Options by name; wherever they are taken NULL is the default of all:
  *
  * - "profile": "default", or "paper": as published
+ * - "relation": "whole": all of both shapes corresponds, or "part-of-y": X is a
+ *   part of Y, with the default profile
+ * - "scale": "auto", or "same": X and Y have one unit, with "part-of-y"
  * - "random_seed": 1; 0 or more
  * - "threads": 0: one for each core; the result does not depend on it
  * - "memory_limit_bytes": 0: no limit; beyond the two meshes
@@ -164,8 +167,8 @@ ISOMATCH_API isomatch_status isomatch_prepare(const isomatch_mesh* mesh,
 ISOMATCH_API void isomatch_shape_free(isomatch_shape* shape);
 
 /* What is matched: of each side a mesh, or a shape that was prepared with the
- * same options, but for random_seed, threads, landmarks_exact and
- * keep_functional_map. Its layout never changes. */
+ * same options, but for random_seed, threads, landmarks_exact,
+ * keep_functional_map, relation and scale. Its layout never changes. */
 typedef struct isomatch_pair {
   const isomatch_mesh* mesh_x;
   const isomatch_shape* shape_x;
@@ -229,6 +232,7 @@ ISOMATCH_API const char* isomatch_result_verdict_advice(
  * - "area_distortion": mean |ln(area of an image / area)|
  * - "orientation_score": -1 (mirrored) to 1 (orientation kept)
  * - "embedding_error", "objective": Eq. 8 and 4 of the paper
+ * - "scale": X's lengths times this are in Y's unit
  * - "area_x", "area_y": squared mesh units */
 ISOMATCH_API double isomatch_result_figure(const isomatch_result* result,
                                            const char* name);

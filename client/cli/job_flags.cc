@@ -75,6 +75,18 @@ void AddJobFlags(CLI::App* command, JobOptions* options) {
                                  "published"),
              "NAME", {"default", "paper"})
       ->capture_default_str();
+  SetChoices(command->add_option(
+                 "--relation", options->relation,
+                 "whole: all of both shapes corresponds; part-of-y: X is a "
+                 "part of Y, cut off or scanned"),
+             "NAME", {"whole", "part-of-y"})
+      ->capture_default_str();
+  SetChoices(command->add_option(
+                 "--scale", options->scale,
+                 "With --relation part-of-y: same where both meshes have one "
+                 "unit, which is faster and surer; auto finds it out"),
+             "NAME", {"auto", "same"})
+      ->capture_default_str();
   command
       ->add_option("--random-seed", options->random_seed,
                    "The same seed gives the same map")
@@ -101,9 +113,10 @@ void AddJobFlags(CLI::App* command, JobOptions* options) {
       ->check(WholeNumber(0, kMostThreads))
       ->type_name("COUNT")
       ->capture_default_str();
-  SetGroup(command, kMethodGroup,
-           {"--landmarks-exact", "--profile", "--random-seed",
-            "--solved-vertices", "--memory-limit", "--threads"});
+  SetGroup(
+      command, kMethodGroup,
+      {"--landmarks-exact", "--profile", "--relation", "--scale",
+       "--random-seed", "--solved-vertices", "--memory-limit", "--threads"});
   SetGroup(command, kServerGroup, {"--priority"});
   AddWeldOption(command, &options->weld);
 }

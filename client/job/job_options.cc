@@ -22,6 +22,10 @@ std::string Megabytes(const std::string& bytes) {
 void SetJobOptions(const JobOptions& options, MatchRequest* request) {
   request->profile =
       options.profile == "paper" ? v1::PROFILE_PAPER : v1::PROFILE_DEFAULT;
+  if (options.relation == "part-of-y") {
+    request->relation = v1::RELATION_PART_OF_Y;
+  }
+  if (options.scale == "same") request->scale = v1::LENGTH_SCALE_SAME;
   request->random_seed = options.random_seed;
   request->threads = options.threads;
   request->solved_vertices = options.solved_vertices;
@@ -49,6 +53,8 @@ absl::Status InFlagWords(const absl::Status& status) {
                            {"options.solved_vertices", "--solved-vertices"},
                            {"options.random_seed", "--random-seed"},
                            {"options.threads", "--threads"},
+                           {"options.relation", "--relation"},
+                           {"options.scale", "--scale"},
                            {"options.profile", "--profile"}}));
 }
 

@@ -12,6 +12,8 @@ namespace isomatch {
 /// How a job is to be done, for every command that makes one.
 struct JobOptions {
   std::string profile = "default";
+  std::string relation = "whole";
+  std::string scale = "auto";
   std::uint64_t random_seed = 1;
   std::uint32_t threads = 0;
   std::optional<std::uint32_t> solved_vertices;

@@ -9,6 +9,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_split.h"
 #include "absl/strings/strip.h"
 #include "core/base/status_macros.h"
 #include "core/io/draco_mesh.h"
@@ -229,6 +230,15 @@ absl::Status ParseMemoryLimit(const v1::MatchOptions& proto,
   return absl::OkStatus();
 }
 
+/// An error of MatchOptions::Validate, "options.field: what", as one of a
+/// field.
+absl::Status InvalidOptions(const absl::Status& status) {
+  if (status.ok()) return status;
+  const std::pair<absl::string_view, absl::string_view> parts =
+      absl::StrSplit(status.message(), absl::MaxSplits(": ", 1));
+  return InvalidField(std::string(parts.first), std::string(parts.second));
+}
+
 /// Once the meshes are known.
 absl::Status PlanMemory(const ParseContext& context, JobSpec& spec) {
   absl::Status planned = context.runner->PlanMemory(spec);
@@ -236,6 +246,27 @@ absl::Status PlanMemory(const ParseContext& context, JobSpec& spec) {
   absl::string_view detail = planned.message();
   absl::ConsumePrefix(&detail, absl::StrCat(kMemoryLimit, ": "));
   return InvalidField(kMemoryLimit, std::string(detail));
+}
+
+absl::Status ParseRelation(const v1::MatchOptions& proto,
+                           MatchOptions& options) {
+  if (!v1::Relation_IsValid(proto.relation())) {
+    return InvalidField(
+        "options.relation",
+        absl::StrCat(proto.relation(), ", expected a Relation"));
+  }
+  if (!v1::LengthScale_IsValid(proto.scale())) {
+    return InvalidField(
+        "options.scale",
+        absl::StrCat(proto.scale(), ", expected a LengthScale"));
+  }
+  if (proto.relation() == v1::RELATION_PART_OF_Y) {
+    options.relation = Relation::kPartOfY;
+  }
+  if (proto.scale() == v1::LENGTH_SCALE_SAME) {
+    options.scale = LengthScale::kSame;
+  }
+  return InvalidOptions(options.Validate());
 }
 
 absl::Status ParseOptions(const v1::MatchOptions& proto, int threads_per_job,
@@ -255,6 +286,7 @@ absl::Status ParseOptions(const v1::MatchOptions& proto, int threads_per_job,
   spec.options.random_seed = proto.random_seed();
   spec.options.landmarks_exact = proto.landmarks_exact();
   spec.options.keep_functional_map = proto.functional_map();
+  ISOMATCH_RETURN_IF_ERROR(ParseRelation(proto, spec.options));
   ISOMATCH_RETURN_IF_ERROR(ParseSolvedVertices(proto, spec.options));
   ISOMATCH_RETURN_IF_ERROR(ParseMemoryLimit(proto, spec.options));
   const int threads = static_cast<int>(proto.threads());

@@ -18,6 +18,8 @@ namespace {
 // These enums of core and of the proto count alike.
 static_assert(static_cast<int>(Profile::kDefault) + 1 == v1::PROFILE_DEFAULT);
 static_assert(static_cast<int>(Profile::kPaper) + 1 == v1::PROFILE_PAPER);
+static_assert(static_cast<int>(Relation::kWhole) == v1::RELATION_WHOLE);
+static_assert(static_cast<int>(Relation::kPartOfY) == v1::RELATION_PART_OF_Y);
 static_assert(static_cast<int>(VerdictLevel::kBad) == v1::Verdict::LEVEL_BAD);
 
 void SetSummary(MeshSize size, double area,
@@ -135,6 +137,8 @@ std::string DescribeResult(const JobSpec& spec, MeshSize size_x,
   info.set_profile(
       static_cast<v1::Profile>(static_cast<int>(spec.options.profile) + 1));
   info.set_random_seed(spec.options.random_seed);
+  info.set_relation(static_cast<v1::Relation>(found.relation));
+  info.set_scale(found.scale);
   return info.SerializeAsString();
 }
 

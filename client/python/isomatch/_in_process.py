@@ -60,11 +60,23 @@ class PreparedMesh:
 class Options:
     """isomatch_options, of what the caller gives. InvalidInput names what is wrong."""
 
-    def __init__(self, *, profile: str, **numbers: int | None) -> None:
+    def __init__(
+        self,
+        *,
+        profile: str,
+        relation: str = "whole",
+        scale: str = "auto",
+        **numbers: int | None,
+    ) -> None:
         self._owned = _library.Owned("options", _library.load().isomatch_options_new())
-        if not isinstance(profile, str):
-            raise invalid("profile", f"is {profile!r}, expected 'default' or 'paper'")
-        _library.call("options_set_text", self.handle, b"profile", profile.encode())
+        for field, text, known in (
+            ("profile", profile, "'default' or 'paper'"),
+            ("relation", relation, "'whole' or 'part-of-y'"),
+            ("scale", scale, "'auto' or 'same'"),
+        ):
+            if not isinstance(text, str):
+                raise invalid(field, f"is {text!r}, expected {known}")
+            _library.call("options_set_text", self.handle, field.encode(), text.encode())
         for name, value in numbers.items():
             if value is not None:
                 number = integer(name, value, _LOW, _HIGH)
@@ -319,6 +331,8 @@ def _info(report: dict[str, Any], clock: _Clock, parts: tuple[str, ...]) -> Resu
         peak_resident_bytes=_peak_resident_bytes(),
         warnings=tuple(others),
         profile=report["profile"],
+        relation=report["relation"],
+        scale=report["scale"],
         random_seed=report["random_seed"],
         parts=parts,
     )

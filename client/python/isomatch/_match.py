@@ -29,6 +29,8 @@ def match(
     landmarks_exact: bool = False,
     server: str | Client | None = None,
     profile: str = "default",
+    relation: str = "whole",
+    scale: str = "auto",
     random_seed: int = 1,
     threads: int = 0,
     solved_vertices: int | None = None,
@@ -50,6 +52,8 @@ def match(
     landmarks: k x 2, known matches (vertex of x, vertex of y); those that the rest
       contradicts are changed, unless landmarks_exact.
     server: None: in this process. HOST:PORT, or a Client (for TLS and API keys).
+    relation: "whole", or "part-of-y" where x is a part of y; scale: then "same" where
+      both have one unit, "auto" finds it out.
     profile: "default" or "paper". random_seed: same input and seed, same map.
     threads: 0 for one a core, or the server's share. solved_vertices: larger meshes are
       decimated to about so many; 0 never; None as the profile says.
@@ -82,6 +86,8 @@ def match(
                 landmarks=landmarks,
                 landmarks_exact=landmarks_exact,
                 profile=profile,
+                relation=relation,
+                scale=scale,
                 random_seed=random_seed,
                 threads=threads,
                 solved_vertices=solved_vertices,
@@ -92,6 +98,8 @@ def match(
             raise invalid("priority", f"is {priority}, expected 0 without server=")
         options = _in_process.Options(
             profile=profile,
+            relation=relation,
+            scale=scale,
             random_seed=random_seed,
             threads=threads,
             memory_limit_bytes=memory_limit_bytes,

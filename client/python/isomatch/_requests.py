@@ -23,12 +23,16 @@ def part_number(name: str) -> int:
     return _messages.enum_number("ResultPart", value)
 
 
-def _profile(name: str) -> int:
-    known = [n.removeprefix("PROFILE_").lower() for n in _messages.enum_names("Profile")]
-    known.remove("unspecified")
-    if name not in known:
-        raise invalid("profile", f"is {name!r}, expected {' or '.join(map(repr, known))}")
-    return _messages.enum_number("Profile", f"PROFILE_{name.upper()}")
+def _number(enum_type: str, field: str, name: str) -> int:
+    """ "part-of-y" as RELATION_PART_OF_Y."""
+    prefix = _messages.enum_names(enum_type)[0].removesuffix("UNSPECIFIED")
+    known = {
+        full.removeprefix(prefix).lower().replace("_", "-"): full
+        for full in _messages.enum_names(enum_type)[1:]
+    }
+    if not isinstance(name, str) or name not in known:
+        raise invalid(field, f"is {name!r}, expected {' or '.join(map(repr, known))}")
+    return _messages.enum_number(enum_type, known[name])
 
 
 def _add_landmarks(request: Any, landmarks: ArrayLike) -> None:
@@ -59,6 +63,8 @@ def create_job(
     landmarks: ArrayLike | None,
     landmarks_exact: bool,
     profile: str,
+    relation: str,
+    scale: str,
     random_seed: int,
     threads: int,
     solved_vertices: int | None,
@@ -75,7 +81,9 @@ def create_job(
         labels=labels, priority=integer("priority", priority, -(2**31), 2**31 - 1)
     )
     options = request.options
-    options.profile = _profile(profile)
+    options.profile = _number("Profile", "profile", profile)
+    options.relation = _number("Relation", "relation", relation)
+    options.scale = _number("LengthScale", "scale", scale)
     options.random_seed = integer("random_seed", random_seed, 0, 2**64 - 1)
     options.threads = integer("threads", threads, 0, 2**32 - 1)
     options.landmarks_exact = landmarks_exact

@@ -94,6 +94,7 @@ def _result_info(message: Any) -> ResultInfo:
         stage_seconds={_label("Stage", t.stage): t.seconds for t in message.stage_times},
         warnings=tuple(message.warnings),
         profile=_label("Profile", message.profile),
+        relation=_label("Relation", message.relation or 1).replace(" ", "-"),
         parts=tuple(part_name(info.part) for info in message.parts),
     )
 

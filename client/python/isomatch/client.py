@@ -117,6 +117,8 @@ class Client:
         landmarks: ArrayLike | None = None,
         landmarks_exact: bool = False,
         profile: str = "default",
+        relation: str = "whole",
+        scale: str = "auto",
         random_seed: int = 1,
         threads: int = 0,
         solved_vertices: int | None = None,
@@ -136,6 +138,8 @@ class Client:
           not welded; `isomatch inspect --weld` tells what would be.
         landmarks: k x 2, known matches (vertex of x, vertex of y); those that the
           rest contradicts are changed, unless landmarks_exact.
+        relation: "whole", or "part-of-y" where x is a part of y; scale: then "same"
+          where both have one unit, "auto" finds it out.
         profile: "default" or "paper". random_seed: same input and seed, same map.
         threads: 0 is the server's share. solved_vertices: larger meshes are
           decimated to about so many; 0 never; None as the profile says.
@@ -156,6 +160,8 @@ class Client:
             landmarks=landmarks,
             landmarks_exact=landmarks_exact,
             profile=profile,
+            relation=relation,
+            scale=scale,
             random_seed=random_seed,
             threads=threads,
             solved_vertices=solved_vertices,

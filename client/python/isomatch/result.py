@@ -230,6 +230,8 @@ class MatchResult:
             "verdict": dataclasses.asdict(info.verdict),
             "landmarks": [dataclasses.asdict(landmark) for landmark in info.landmarks],
             "profile": info.profile,
+            "relation": info.relation,
+            "scale": info.scale,
             "random_seed": info.random_seed,
             "seconds": seconds,
             "total_seconds": info.run_seconds,

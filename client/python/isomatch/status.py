@@ -103,6 +103,7 @@ class ResultInfo:
 
     symmetry_confidence: 0 to 1, how clearly the map is better than
     `alternatives`, which are the scores of the maps not chosen, best first.
+    relation: "whole" or "part-of-y". scale: X's lengths times it are in Y's unit.
     unmatched: vertices of X on no face. parts: what can be downloaded.
     """
 
@@ -121,6 +122,8 @@ class ResultInfo:
     peak_resident_bytes: int
     warnings: tuple[str, ...]
     profile: str
+    relation: str
+    scale: float
     random_seed: int
     parts: tuple[str, ...]
 

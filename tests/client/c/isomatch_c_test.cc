@@ -275,8 +275,10 @@ TEST_F(IsomatchCTest, OptionsAreChecked) {
   EXPECT_EQ(
       isomatch_options_set_text(options_.get(), "profile", "fast", nullptr),
       ISOMATCH_INVALID_ARGUMENT);
-  EXPECT_EQ(isomatch_options_set_text(options_.get(), "threads", "2", nullptr),
-            ISOMATCH_INVALID_ARGUMENT);
+  for (const char* name : {"threads", "relation", "scale"}) {
+    EXPECT_EQ(isomatch_options_set_text(options_.get(), name, "2", nullptr),
+              ISOMATCH_INVALID_ARGUMENT);
+  }
   EXPECT_EQ(Match(), ISOMATCH_OK);  // none of it holds
 }
 
@@ -290,6 +292,25 @@ TEST_F(IsomatchCTest, AProfileKeepsWhatIsNotItsOwn) {
   options.random_seed = 7;
   EXPECT_EQ(Map(),
             isomatch::Match(AsSent(x_), AsSent(y_), {}, options)->y_from_x);
+}
+
+TEST_F(IsomatchCTest, RelationAndScaleAreObeyedInAnyOrder) {
+  const auto set = [&](const char* name, const char* value) {
+    return isomatch_options_set_text(options_.get(), name, value, nullptr);
+  };
+  ASSERT_EQ(set("scale", "same"), ISOMATCH_OK);
+  ExpectInvalid("options.scale", "same, expected auto");
+  ASSERT_EQ(set("relation", "part-of-y"), ISOMATCH_OK);
+  ASSERT_EQ(set("profile", "default"), ISOMATCH_OK);
+  ASSERT_EQ(Match(), ISOMATCH_OK);
+  MatchOptions options;
+  options.relation = Relation::kPartOfY;
+  options.scale = LengthScale::kSame;
+  EXPECT_EQ(Map(),
+            isomatch::Match(AsSent(x_), AsSent(y_), {}, options)->y_from_x);
+  EXPECT_EQ(isomatch_result_figure(result_.get(), "scale"), 1);
+  EXPECT_THAT(isomatch_result_report(result_.get()),
+              HasSubstr("\"relation\": \"part-of-y\""));
 }
 
 TEST_F(IsomatchCTest, MemoryIsBounded) {

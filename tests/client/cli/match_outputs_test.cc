@@ -238,6 +238,15 @@ TEST_F(MatchOutputsTest, FlagsReachTheMethod) {
   EXPECT_TRUE(seen.landmarks_exact);
   Match({"--functional-map", Path("f")});
   EXPECT_TRUE(seen.keep_functional_map);
+  EXPECT_EQ(seen.relation, Relation::kWhole);
+  Match({"--relation", "part-of-y"});
+  EXPECT_EQ(seen.relation, Relation::kPartOfY);
+  EXPECT_EQ(seen.scale, LengthScale::kAuto);
+  Match({"--relation", "part-of-y", "--scale", "same"});
+  EXPECT_EQ(seen.scale, LengthScale::kSame);
+  const CommandOutcome refused = Match({"--scale", "same"});
+  EXPECT_EQ(refused.status, kExitUsage);
+  EXPECT_THAT(refused.err, HasSubstr("--scale: same, expected auto with"));
 }
 
 TEST_F(MatchOutputsTest, PointsOfBothShapesBecomeLandmarks) {

@@ -163,6 +163,27 @@ class MatchTest:
             self.match(*support.pair(), memory_limit_bytes=2_000_000)
         self.assertTrue(refused.exception.field.endswith("memory_limit_bytes"))
 
+    def test_a_part_is_found_in_the_whole(self):
+        x, y = support.pair()
+        places, faces = isomatch.read_mesh(y)
+        lower = places[:, 1] < np.quantile(places[:, 1], 0.55)
+        part = faces[lower[faces].all(axis=1)]
+        kept, part = np.unique(part, return_inverse=True)
+        half = (places[kept] * 3, part.reshape(-1, 3))
+        for scale, unit in (("auto", 3), ("same", 1)):
+            with self.subTest(scale=scale):
+                found = self.match(
+                    (half[0] / 3 * unit, half[1]), (places, faces),
+                    relation="part-of-y", scale=scale,
+                )  # fmt: skip
+                off = np.linalg.norm(places[found.y_from_x] - places[kept], axis=1)
+                self.assertLess(np.median(off) / np.ptp(places, axis=0).max(), 0.02)
+                self.assertAlmostEqual(found.info.scale * unit, 1, delta=0.05)
+                self.assertEqual(found.info.relation, "part-of-y")
+        with self.assertRaisesRegex(isomatch.InvalidInput, "expected auto") as refused:
+            self.match(x, y, scale="same")
+        self.assertTrue(refused.exception.field.endswith("scale"))
+
     def test_the_page_is_that_of_the_command(self):
         x, y = support.pair()
         result = self.match(x, y)

@@ -285,6 +285,17 @@ TEST_F(HostileMeshTest, WrongOptionsAreNamed) {
   request.mutable_options()->set_threads(0xFFFFFFFF);
   EXPECT_EQ(CreateError(request).field, "options.threads");
   request = SphereJob();
+  request.mutable_options()->set_relation(static_cast<v1::Relation>(9));
+  EXPECT_EQ(CreateError(request).field, "options.relation");
+  request.mutable_options()->set_relation(v1::RELATION_PART_OF_Y);
+  request.mutable_options()->set_profile(v1::PROFILE_PAPER);
+  EXPECT_EQ(CreateError(request).field, "options.relation");
+  request = SphereJob();
+  request.mutable_options()->set_scale(static_cast<v1::LengthScale>(9));
+  EXPECT_EQ(CreateError(request).field, "options.scale");
+  request.mutable_options()->set_scale(v1::LENGTH_SCALE_SAME);
+  EXPECT_EQ(CreateError(request).field, "options.scale");
+  request = SphereJob();
   request.mutable_run_timeout()->set_seconds(-1);
   EXPECT_EQ(CreateError(request).field, "run_timeout");
   request = SphereJob();

@@ -204,7 +204,23 @@ TEST_F(ResultPartsTest, OptionsReachTheMethod) {
     Watch(CreateJob(request));
     EXPECT_EQ(seen.landmarks_exact, on);
     EXPECT_EQ(seen.keep_functional_map, !on);
+    EXPECT_EQ(seen.relation, Relation::kWhole);
   }
+}
+
+TEST_F(ResultPartsTest, RelationAndScaleReachTheMethodAndComeBack) {
+  on_found_ = [&](auto, const MatchOptions& options, Correspondence& found) {
+    found.relation = options.relation;
+    found.scale = options.scale == LengthScale::kSame ? 1 : 0.25;
+  };
+  v1::CreateJobRequest request = SphereJob();
+  request.mutable_options()->set_relation(v1::RELATION_PART_OF_Y);
+  v1::Job job = Watch(CreateJob(request)).back();
+  EXPECT_EQ(job.result().relation(), v1::RELATION_PART_OF_Y);
+  EXPECT_EQ(job.result().scale(), 0.25);
+  request.mutable_options()->set_scale(v1::LENGTH_SCALE_SAME);
+  job = Watch(CreateJob(request)).back();
+  EXPECT_EQ(job.result().scale(), 1);
 }
 
 TEST_F(ResultPartsTest, TheRealMethodMakesConsistentParts) {
