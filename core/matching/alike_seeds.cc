@@ -106,40 +106,54 @@ class TripleSearch {
     }
   }
 
-  bool AgreesInSide(const std::array<int, 3>& xs,
-                    const std::array<int, 3>& ys) const {
+  bool AgreeInDistance(const std::array<int, 3>& xs,
+                       const std::array<int, 3>& ys, int i, int j) const {
+    return Agree(x_.distances(xs[i], xs[j]), y_.distances(ys[i], ys[j]));
+  }
+
+  bool AgreeInSide(const std::array<int, 3>& xs,
+                   const std::array<int, 3>& ys) const {
     if (!options_.oriented) return true;
     return SideAround(x_.frames, xs[0], xs[1], xs[2]) *
                SideAround(y_.frames, ys[0], ys[1], ys[2]) >=
            kOtherSide;
   }
 
+  /// Partners of a triple's points.
+  struct Partners {
+    std::array<int, 3> ys = {-1, -1, -1};
+    float difference = std::numeric_limits<float>::infinity();
+  };
+
+  /// Takes the third partner beside `ys` that agrees in distances and side, if
+  /// the three look more alike than the best.
+  void AddThird(const std::array<int, 3>& xs, std::array<int, 3> ys,
+                Partners* best) const {
+    const float of_two =
+        differences_(ys[0], xs[0]) + differences_(ys[1], xs[1]);
+    for (const int y : partners_[xs[2]]) {
+      const float difference = of_two + differences_(y, xs[2]);
+      if (difference >= best->difference || y == ys[0] || y == ys[1]) continue;
+      ys[2] = y;
+      if (!AgreeInDistance(xs, ys, 1, 2) || !AgreeInDistance(xs, ys, 0, 2) ||
+          !AgreeInSide(xs, ys)) {
+        continue;
+      }
+      *best = {ys, difference};
+    }
+  }
+
   /// The partners that agree in distances and side and look most alike; -1 for
   /// none.
   std::array<int, 3> BestPartners(const std::array<int, 3>& xs) const {
-    std::array<int, 3> best = {-1, -1, -1};
-    float least = std::numeric_limits<float>::infinity();
-    const float ab = x_.distances(xs[0], xs[1]);
-    const float bc = x_.distances(xs[1], xs[2]);
-    const float ac = x_.distances(xs[0], xs[2]);
+    Partners best;
     for (const int a : partners_[xs[0]]) {
       for (const int b : partners_[xs[1]]) {
-        if (a == b || !Agree(ab, y_.distances(a, b))) continue;
-        const float so_far = differences_(a, xs[0]) + differences_(b, xs[1]);
-        if (so_far >= least) continue;
-        for (const int c : partners_[xs[2]]) {
-          if (c == a || c == b || !Agree(bc, y_.distances(b, c)) ||
-              !Agree(ac, y_.distances(a, c))) {
-            continue;
-          }
-          const float difference = so_far + differences_(c, xs[2]);
-          if (difference >= least || !AgreesInSide(xs, {a, b, c})) continue;
-          least = difference;
-          best = {a, b, c};
-        }
+        if (a == b || !AgreeInDistance(xs, {a, b, -1}, 0, 1)) continue;
+        AddThird(xs, {a, b, -1}, &best);
       }
     }
-    return best;
+    return best.ys;
   }
 
   /// How many points have a partner at the distances that the triple asks for,

@@ -339,8 +339,10 @@ class MatchRun {
         {best().y_from_x, points, best().filtered, offsets_, alignment_.get()},
         stop_, &result_));
     result_.relation = options_.relation;
-    result_.scale = std::sqrt(shape(kY).full.area / shape(kX).full.area) *
-                    (part_ == nullptr ? 1 : part_->scale);
+    if (options_.scale == LengthScale::kAuto) {
+      result_.scale = std::sqrt(shape(kY).full.area / shape(kX).full.area) *
+                      (part_ == nullptr ? 1 : part_->scale);
+    }
     result_.area_x = shape(kX).full.area;
     result_.area_y = shape(kY).full.area;
     result_.warnings_x = shape(kX).full.warnings;

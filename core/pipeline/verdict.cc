@@ -61,8 +61,11 @@ Verdict Bad(const Correspondence& found) {
   } else {
     absl::StrAppend(&bad.reason, ", ", Stretched(found));
     bad.advice =
-        "check that both are the same kind of shape and whole, or give known "
-        "matches as landmarks";
+        found.relation == Relation::kPartOfY
+            ? "check that X is a part of Y, and whether both have one unit, or "
+              "give known matches as landmarks"
+            : "check that both are the same kind of shape and whole, or give "
+              "known matches as landmarks";
   }
   return bad;
 }

@@ -74,7 +74,7 @@ TEST_F(PartOfYTest, IsFoundInOneUnit) {
   const auto found = Match(PartInOneUnit(), whole_, {}, options_);
   ASSERT_THAT(found, IsOk());
   EXPECT_LT(ErrorOf(found->y_from_x), 0.01);
-  EXPECT_NEAR(found->scale, 1, 1e-12);
+  EXPECT_EQ(found->scale, 1);
   EXPECT_EQ(found->relation, Relation::kPartOfY);
   // As wholes they are not.
   const auto as_wholes = Match(PartInOneUnit(), whole_, {}, QuickOptions());
@@ -94,7 +94,8 @@ TEST_F(PartOfYTest, InTheWrongUnitItIsNotFound) {
   const auto found = Match(part_.mesh, whole_, {}, options_);
   ASSERT_THAT(found, IsOk());
   EXPECT_GT(ErrorOf(found->y_from_x), 0.05);
-  EXPECT_NE(found->verdict.level, VerdictLevel::kGood);
+  EXPECT_EQ(found->verdict.level, VerdictLevel::kBad);
+  EXPECT_THAT(found->verdict.advice, HasSubstr("whether both have one unit"));
 }
 
 TEST_F(PartOfYTest, AGoodMapIsCalledGoodWhateverIsLeftOfY) {
