@@ -1,7 +1,7 @@
 #include "client/c/isomatch.h"
 
+#include <array>
 #include <cstdint>
-#include <cstring>
 #include <functional>
 #include <limits>
 #include <memory>
@@ -242,6 +242,21 @@ absl::Status SetProfile(MatchOptions& options, absl::string_view value) {
   return absl::OkStatus();
 }
 
+/// Sets `member` to the value of that name, one of two.
+template <typename Value>
+absl::Status SetNamed(absl::string_view field, absl::string_view name,
+                      const std::array<Value, 2>& known,
+                      const char* (*name_of)(Value), Value& member) {
+  for (const Value value : known) {
+    if (name != name_of(value)) continue;
+    member = value;
+    return absl::OkStatus();
+  }
+  return Invalid(absl::StrCat("options.", field),
+                 absl::StrCat("'", name, "', expected ", name_of(known[0]),
+                              " or ", name_of(known[1])));
+}
+
 /// Whether relation and scale go together is checked where they are used, so
 /// that their order does not matter.
 absl::Status SetText(MatchOptions& options, absl::string_view name,
@@ -250,22 +265,14 @@ absl::Status SetText(MatchOptions& options, absl::string_view name,
   using isomatch::Relation;
   if (name == "profile") return SetProfile(options, value);
   if (name == "relation") {
-    for (const Relation known : {Relation::kWhole, Relation::kPartOfY}) {
-      if (value != isomatch::RelationName(known)) continue;
-      options.relation = known;
-      return absl::OkStatus();
-    }
-    return Invalid("options.relation",
-                   absl::StrCat("'", value, "', expected whole or part-of-y"));
+    return SetNamed<Relation>(name, value,
+                              {Relation::kWhole, Relation::kPartOfY},
+                              isomatch::RelationName, options.relation);
   }
   if (name == "scale") {
-    for (const LengthScale known : {LengthScale::kAuto, LengthScale::kSame}) {
-      if (value != isomatch::LengthScaleName(known)) continue;
-      options.scale = known;
-      return absl::OkStatus();
-    }
-    return Invalid("options.scale",
-                   absl::StrCat("'", value, "', expected auto or same"));
+    return SetNamed<LengthScale>(name, value,
+                                 {LengthScale::kAuto, LengthScale::kSame},
+                                 isomatch::LengthScaleName, options.scale);
   }
   return Invalid(absl::StrCat("options.", name),
                  "there is no such text, expected profile, relation or scale");

@@ -40,6 +40,7 @@ constexpr double kRounding = 1e-8;
 /// A landmark is kept when the map sends it no further than this from where it
 /// should go, in sqrt(area).
 constexpr float kLandmarkTolerance = 0.1f;
+
 /// One run of the method: the stages in order, each reading what those before
 /// it left in the members.
 class MatchRun {

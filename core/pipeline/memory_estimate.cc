@@ -9,6 +9,7 @@
 #include "core/geodesic/field_sweeps.h"
 #include "core/matching/closeness.h"
 #include "core/mesh/surface_samples.h"
+#include "core/pipeline/part_start.h"
 #include "core/pipeline/prepared_mesh.h"
 #include "core/pipeline/stage_plan.h"
 #include "core/spectral/spectral_basis.h"
@@ -159,14 +160,13 @@ PartStartBytes PartStartBytesOf(MeshSize x, MeshSize y,
                                 const MatchOptions& options) {
   constexpr double kRadii = 2;
   constexpr double kTriples = 2e6;
-  constexpr double kPoolOfPart = 400;
   PartStartBytes bytes;
   bytes.search = kTriples;
   double differences = 1;
   for (const bool is_part : {true, false}) {
     const MeshSize mesh = is_part ? x : y;
     double pool = PoolSize(mesh, num_landmarks, options);
-    if (is_part) pool = std::min(pool, kPoolOfPart + double(num_landmarks));
+    if (is_part) pool = std::min(pool, kPartPoolSize + double(num_landmarks));
     bytes.fields += 4 * double(mesh.vertices) * pool + 4 * pool * pool;
     bytes.search += 12 * pool * pool + kRadii * 4 * kShotSize * pool;
     differences *= pool;

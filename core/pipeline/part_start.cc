@@ -22,8 +22,6 @@
 namespace isomatch {
 namespace {
 
-/// Points of the part's pool: it has no others to compete with.
-constexpr int kPoolX = 400;
 /// Of the smaller balls by which points are compared, sqrt(area of Y); of the
 /// larger ones twice that. They hold at least so many edges; an edge of X
 /// counts with a part's usual scale, which is not known yet.
@@ -57,8 +55,8 @@ struct Effort {
   int max_seeds;
 };
 constexpr Effort kToScan = {200, 8000, 100};
-constexpr Effort kToCompare = {kPoolX, 20000, 100};
-constexpr Effort kToMatch = {kPoolX, 40000, 300};
+constexpr Effort kToCompare = {kPartPoolSize, 20000, 100};
+constexpr Effort kToMatch = {kPartPoolSize, 40000, 300};
 
 double Apart(double a, double b) { return std::abs(std::log(a / b)); }
 
@@ -119,7 +117,8 @@ class StartSearch {
     ISOMATCH_ASSIGN_OR_RETURN(
         const std::vector<WorkingLandmark> taken,
         TakeLandmarks(landmarks, x_, y_, &known_warnings));
-    of_x_.vertices = PoolVertices(x_.hash, kPoolX, VerticesOf(taken, kX));
+    of_x_.vertices =
+        PoolVertices(x_.hash, kPartPoolSize, VerticesOf(taken, kX));
     of_y_.vertices =
         PoolVertices(y_.hash, options_.pool_size, VerticesOf(taken, kY));
     ISOMATCH_RETURN_IF_ERROR(
@@ -142,7 +141,7 @@ class StartSearch {
     const std::array<double, 2> radii = {radii_[0] / scale, radii_[1] / scale};
     // All of the pool has to be described, with the landmarks at its end.
     const std::size_t points =
-        effort.points_x < kPoolX
+        effort.points_x < kPartPoolSize
             ? std::min<std::size_t>(effort.points_x, of_x_.vertices.size())
             : of_x_.vertices.size();
     ISOMATCH_ASSIGN_OR_RETURN(
@@ -189,6 +188,7 @@ class StartSearch {
       double scale = middle;
       for (int worse = 0; worse < kPatience;) {
         scale *= step;
+        if (scale < kLeastScale || scale > kMostScale) break;
         ISOMATCH_ASSIGN_OR_RETURN(const bool better, is_better(scale));
         worse = better ? 0 : worse + 1;
       }

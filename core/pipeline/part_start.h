@@ -20,6 +20,10 @@ namespace isomatch {
 /// Weight of PartStart::differences in the energy of the first stage.
 inline constexpr float kUnlikenessWeight = 0.02f;
 
+/// Points of a part's pool, but for landmarks: it has no others to compete
+/// with.
+inline constexpr int kPartPoolSize = 400;
+
 /// What a map from a part to a whole grows from.
 struct PartStart {
   /// X's lengths times this are in Y's unit, sqrt(area of Y).
