@@ -3,6 +3,7 @@
 import hashlib
 import os
 import pathlib
+import random
 import re
 import shutil
 import socket
@@ -27,9 +28,16 @@ PATIENCE_SECONDS = 30
 
 
 def free_port():
-    with socket.socket() as listener:
-        listener.bind(("127.0.0.1", 0))
-        return listener.getsockname()[1]
+    """Below the ports that the kernel gives to others, so that none of their connections
+    takes it before nginx does."""
+    for port in random.sample(range(20000, 30000), 100):
+        with socket.socket() as probe:
+            try:
+                probe.bind(("0.0.0.0", port))
+            except OSError:
+                continue
+            return port
+    raise RuntimeError("no free port between 20000 and 30000")
 
 
 def peak_bytes(pid):
@@ -102,7 +110,8 @@ class EdgeTestCase(unittest.TestCase):
         )
         # The image has a user of its own; as root nginx would choose another.
         user = ["-g", "user root;"] if os.geteuid() == 0 else []
-        with (self.folder / "edge.log").open("w") as log:
+        self.edge_log = self.folder / "edge.log"
+        with self.edge_log.open("w") as log:
             self.edge = subprocess.Popen(
                 [NGINX, "-e", "stderr", "-p", self.folder, "-c", path, *user], stderr=log
             )
@@ -118,7 +127,7 @@ class EdgeTestCase(unittest.TestCase):
         return {"/run/isomatch/socket": self.folder / "socket"}
 
     def edge_answers(self):
-        self.assertIsNone(self.edge.poll(), "nginx ended")
+        self.assertIsNone(self.edge.poll(), self.edge_log.read_text())
         with socket.socket() as probe:
             return probe.connect_ex(("127.0.0.1", self.port)) == 0
 
