@@ -1,6 +1,5 @@
 #include "client/c/isomatch.h"
 
-#include <array>
 #include <cstdint>
 #include <functional>
 #include <limits>
@@ -15,6 +14,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "absl/strings/string_view.h"
 #include "client/c/arguments.h"
 #include "client/c/objects.h"
@@ -242,37 +242,39 @@ absl::Status SetProfile(MatchOptions& options, absl::string_view value) {
   return absl::OkStatus();
 }
 
-/// Sets `member` to the value of that name, one of two.
+/// "a, b or c". REQUIRES: at least one.
+std::string AnyOf(const std::vector<std::string>& names) {
+  if (names.size() == 1) return names.front();
+  return absl::StrCat(absl::StrJoin(names.begin(), names.end() - 1, ", "),
+                      " or ", names.back());
+}
+
+/// Sets `member` to `found`, what `name` is the name of, if it is one of
+/// `known`.
 template <typename Value>
 absl::Status SetNamed(absl::string_view field, absl::string_view name,
-                      const std::array<Value, 2>& known,
-                      const char* (*name_of)(Value), Value& member) {
-  for (const Value value : known) {
-    if (name != name_of(value)) continue;
-    member = value;
-    return absl::OkStatus();
+                      std::optional<Value> found,
+                      const std::vector<std::string>& known, Value& member) {
+  if (!found) {
+    return Invalid(absl::StrCat("options.", field),
+                   absl::StrCat("'", name, "', expected ", AnyOf(known)));
   }
-  return Invalid(absl::StrCat("options.", field),
-                 absl::StrCat("'", name, "', expected ", name_of(known[0]),
-                              " or ", name_of(known[1])));
+  member = *found;
+  return absl::OkStatus();
 }
 
 /// Whether relation and scale go together is checked where they are used, so
 /// that their order does not matter.
 absl::Status SetText(MatchOptions& options, absl::string_view name,
                      absl::string_view value) {
-  using isomatch::LengthScale;
-  using isomatch::Relation;
   if (name == "profile") return SetProfile(options, value);
   if (name == "relation") {
-    return SetNamed<Relation>(name, value,
-                              {Relation::kWhole, Relation::kPartOfY},
-                              isomatch::RelationName, options.relation);
+    return SetNamed(name, value, isomatch::RelationOf(value),
+                    isomatch::RelationNames(), options.relation);
   }
   if (name == "scale") {
-    return SetNamed<LengthScale>(name, value,
-                                 {LengthScale::kAuto, LengthScale::kSame},
-                                 isomatch::LengthScaleName, options.scale);
+    return SetNamed(name, value, isomatch::LengthScaleOf(value),
+                    isomatch::LengthScaleNames(), options.scale);
   }
   return Invalid(absl::StrCat("options.", name),
                  "there is no such text, expected profile, relation or scale");

@@ -92,9 +92,10 @@ typedef struct isomatch_landmark {
 /* Options by name; wherever they are taken NULL is the default of all:
  *
  * - "profile": "default", or "paper": as published
- * - "relation": "whole": all of both shapes corresponds, or "part-of-y": X is a
- *   part of Y, with the default profile
- * - "scale": "auto", or "same": X and Y have one unit, with "part-of-y"
+ * - "relation": "whole": all of both shapes corresponds, or, with the default
+ *   profile, "part-of-y": X is a part of Y, "part-of-x": Y is a part of X,
+ *   "overlap": each lacks something that the other has
+ * - "scale": "auto", or "same": X and Y have one unit, not with "whole"
  * - "random_seed": 1; 0 or more
  * - "threads": 0: one for each core; the result does not depend on it
  * - "memory_limit_bytes": 0: no limit; beyond the two meshes
@@ -196,7 +197,8 @@ ISOMATCH_API void isomatch_result_free(isomatch_result* result);
 /* Vertices of X: what the following arrays have entries for. */
 ISOMATCH_API int64_t
 isomatch_result_num_vertices(const isomatch_result* result);
-/* The vertex of Y of each; -1 only for a vertex on no face. */
+/* The vertex of Y of each; -1 for one without a counterpart: on no face or,
+ * with "part-of-x" and "overlap", on what Y lacks. */
 ISOMATCH_API const int32_t* isomatch_result_map(const isomatch_result* result);
 /* How far to trust each, 0 to 1. */
 ISOMATCH_API const float* isomatch_result_confidence(

@@ -11,6 +11,7 @@
 #include "client/cli/option_support.h"
 #include "client/files/mesh_file.h"
 #include "core/base/status_macros.h"
+#include "core/pipeline/match_options.h"
 
 namespace isomatch {
 namespace {
@@ -78,14 +79,15 @@ void AddJobFlags(CLI::App* command, JobOptions* options) {
   SetChoices(command->add_option(
                  "--relation", options->relation,
                  "whole: all of both shapes corresponds; part-of-y: X is a "
-                 "part of Y, cut off or scanned"),
-             "NAME", {"whole", "part-of-y"})
+                 "part of Y, cut off or scanned; part-of-x: Y is a part of X; "
+                 "overlap: each lacks something that the other has"),
+             "NAME", RelationNames())
       ->capture_default_str();
   SetChoices(command->add_option(
                  "--scale", options->scale,
-                 "With --relation part-of-y: same where both meshes have one "
-                 "unit, which is faster and surer; auto finds it out"),
-             "NAME", {"auto", "same"})
+                 "With another --relation than whole: same where both meshes "
+                 "have one unit, which is faster and surer; auto finds it out"),
+             "NAME", LengthScaleNames())
       ->capture_default_str();
   command
       ->add_option("--random-seed", options->random_seed,

@@ -6,6 +6,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
+#include "core/pipeline/match_options.h"
 
 namespace isomatch {
 namespace {
@@ -17,15 +18,29 @@ std::string Megabytes(const std::string& bytes) {
   return absl::StrCat(std::ceil(number / 1e5) / 10, " MB");
 }
 
+// The enums of the proto count as those of core do, but for the first.
+static_assert(static_cast<int>(Relation::kWhole) == v1::RELATION_WHOLE);
+static_assert(static_cast<int>(kRelations.back()) == v1::Relation_MAX);
+static_assert(static_cast<int>(LengthScale::kAuto) + 1 ==
+              v1::LENGTH_SCALE_AUTO);
+static_assert(static_cast<int>(kLengthScales.back()) + 1 ==
+              v1::LengthScale_MAX);
+
+v1::Relation ToProto(Relation relation) {
+  return static_cast<v1::Relation>(relation);
+}
+
+v1::LengthScale ToProto(LengthScale scale) {
+  return static_cast<v1::LengthScale>(static_cast<int>(scale) + 1);
+}
+
 }  // namespace
 
 void SetJobOptions(const JobOptions& options, MatchRequest* request) {
   request->profile =
       options.profile == "paper" ? v1::PROFILE_PAPER : v1::PROFILE_DEFAULT;
-  if (options.relation == "part-of-y") {
-    request->relation = v1::RELATION_PART_OF_Y;
-  }
-  if (options.scale == "same") request->scale = v1::LENGTH_SCALE_SAME;
+  request->relation = ToProto(RelationOf(options.relation).value());
+  request->scale = ToProto(LengthScaleOf(options.scale).value());
   request->random_seed = options.random_seed;
   request->threads = options.threads;
   request->solved_vertices = options.solved_vertices;

@@ -9,7 +9,8 @@
 
 namespace isomatch {
 
-/// How a job is to be done, for every command that makes one.
+/// How a job is to be done, for every command that makes one. The names are
+/// those of core/pipeline/match_options.h.
 struct JobOptions {
   std::string profile = "default";
   std::string relation = "whole";
@@ -25,6 +26,7 @@ struct JobOptions {
 };
 
 /// Copies `options` to `request`; how vertices are welded does not concern it.
+/// REQUIRES: relation and scale are names of one.
 void SetJobOptions(const JobOptions& options, MatchRequest* request);
 
 /// An error of the server about the options of a job, in words of the command

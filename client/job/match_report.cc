@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "client/job/job_labels.h"
+#include "core/pipeline/match_options.h"
 
 namespace isomatch {
 namespace {
@@ -88,13 +89,13 @@ std::string FormatReport(const MatchResult& result,
                          const std::vector<std::string>& warnings) {
   const v1::ResultInfo& info = result.info;
   const bool is_paper = info.profile() == v1::PROFILE_PAPER;
-  const bool is_part = info.relation() == v1::RELATION_PART_OF_Y;
+  const auto relation = static_cast<Relation>(info.relation());
   const Json report = {{"mesh_x", MeshJson(info.mesh_x())},
                        {"mesh_y", MeshJson(info.mesh_y())},
                        {"verdict", VerdictJson(info.verdict())},
                        {"landmarks", LandmarksJson(info)},
                        {"profile", is_paper ? "paper" : "default"},
-                       {"relation", is_part ? "part-of-y" : "whole"},
+                       {"relation", RelationName(relation)},
                        {"scale", info.scale()},
                        {"random_seed", info.random_seed()},
                        {"seconds", StageSeconds(info)},

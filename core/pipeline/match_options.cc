@@ -112,6 +112,23 @@ absl::Status ValidateRelation(const MatchOptions& o) {
                    ", expected whole with the steps of profile paper"));
 }
 
+template <typename Values, typename Value>
+std::vector<std::string> NamesOf(const Values& values,
+                                 const char* (*name_of)(Value)) {
+  std::vector<std::string> names;
+  for (const Value value : values) names.emplace_back(name_of(value));
+  return names;
+}
+
+template <typename Values, typename Value>
+std::optional<Value> Named(absl::string_view name, const Values& values,
+                           const char* (*name_of)(Value)) {
+  for (const Value value : values) {
+    if (name == name_of(value)) return value;
+  }
+  return std::nullopt;
+}
+
 }  // namespace
 
 MatchOptions MatchOptions::ForProfile(Profile profile) {
@@ -168,11 +185,37 @@ absl::Status MatchOptions::Validate() const {
 }
 
 const char* RelationName(Relation relation) {
-  return relation == Relation::kPartOfY ? "part-of-y" : "whole";
+  switch (relation) {
+    case Relation::kWhole:
+      break;
+    case Relation::kPartOfY:
+      return "part-of-y";
+    case Relation::kPartOfX:
+      return "part-of-x";
+    case Relation::kOverlap:
+      return "overlap";
+  }
+  return "whole";
 }
 
 const char* LengthScaleName(LengthScale scale) {
   return scale == LengthScale::kSame ? "same" : "auto";
+}
+
+std::vector<std::string> RelationNames() {
+  return NamesOf(kRelations, RelationName);
+}
+
+std::vector<std::string> LengthScaleNames() {
+  return NamesOf(kLengthScales, LengthScaleName);
+}
+
+std::optional<Relation> RelationOf(absl::string_view name) {
+  return Named(name, kRelations, RelationName);
+}
+
+std::optional<LengthScale> LengthScaleOf(absl::string_view name) {
+  return Named(name, kLengthScales, LengthScaleName);
 }
 
 const char* ProfileName(Profile profile) {

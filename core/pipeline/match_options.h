@@ -1,10 +1,13 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "absl/status/status.h"
+#include "absl/strings/string_view.h"
 #include "core/matching/first_stage.h"
 
 namespace isomatch {
@@ -24,7 +27,16 @@ enum class Relation {
   kWhole = 1,
   /// All of X, a part of Y.
   kPartOfY = 2,
+  /// A part of X, all of Y.
+  kPartOfX = 3,
+  /// A part of each.
+  kOverlap = 4,
 };
+
+/// All there are, as users are told of them.
+inline constexpr std::array kRelations = {Relation::kWhole, Relation::kPartOfY,
+                                          Relation::kPartOfX,
+                                          Relation::kOverlap};
 
 /// What is known of the two meshes' units.
 enum class LengthScale {
@@ -34,6 +46,9 @@ enum class LengthScale {
   /// They are the same.
   kSame,
 };
+
+inline constexpr std::array kLengthScales = {LengthScale::kAuto,
+                                             LengthScale::kSame};
 
 /// Every constant of the method. Lengths are fractions of sqrt(surface area),
 /// so that results do not depend on a file's unit.
@@ -171,10 +186,18 @@ struct MatchOptions {
   absl::Status Validate() const;
 };
 
-/// "whole" or "part-of-y".
+/// "whole", "part-of-y", "part-of-x" or "overlap".
 const char* RelationName(Relation relation);
 /// "auto" or "same".
 const char* LengthScaleName(LengthScale scale);
+
+/// Those of kRelations and of kLengthScales.
+std::vector<std::string> RelationNames();
+std::vector<std::string> LengthScaleNames();
+
+/// What has that name; nullopt when nothing has.
+std::optional<Relation> RelationOf(absl::string_view name);
+std::optional<LengthScale> LengthScaleOf(absl::string_view name);
 
 /// "default" or "paper".
 const char* ProfileName(Profile profile);

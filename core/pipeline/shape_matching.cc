@@ -138,6 +138,9 @@ absl::StatusOr<Correspondence> PrepareAndMatchComponents(
 absl::StatusOr<Correspondence> MatchWhole(PreparedShape& x, PreparedShape& y,
                                           const Request& request) {
   const MatchOptions& options = request.options;
+  if (options.relation > Relation::kPartOfY) {
+    return absl::UnimplementedError("options.relation: cannot be matched yet");
+  }
   const std::stop_token& stop = request.control.stop;
   ProgressReporter reporter(request.control.progress, StagePlan(options));
   // A shape that was split is prepared again as one when the other has more

@@ -260,8 +260,8 @@ absl::Status ParseRelation(const v1::MatchOptions& proto,
         "options.scale",
         absl::StrCat(proto.scale(), ", expected a LengthScale"));
   }
-  if (proto.relation() == v1::RELATION_PART_OF_Y) {
-    options.relation = Relation::kPartOfY;
+  if (proto.relation() != v1::RELATION_UNSPECIFIED) {
+    options.relation = static_cast<Relation>(proto.relation());
   }
   if (proto.scale() == v1::LENGTH_SCALE_SAME) {
     options.scale = LengthScale::kSame;

@@ -20,6 +20,9 @@ static_assert(static_cast<int>(Profile::kDefault) + 1 == v1::PROFILE_DEFAULT);
 static_assert(static_cast<int>(Profile::kPaper) + 1 == v1::PROFILE_PAPER);
 static_assert(static_cast<int>(Relation::kWhole) == v1::RELATION_WHOLE);
 static_assert(static_cast<int>(Relation::kPartOfY) == v1::RELATION_PART_OF_Y);
+static_assert(static_cast<int>(Relation::kPartOfX) == v1::RELATION_PART_OF_X);
+static_assert(static_cast<int>(Relation::kOverlap) == v1::RELATION_OVERLAP);
+static_assert(static_cast<int>(kRelations.back()) == v1::Relation_MAX);
 static_assert(static_cast<int>(VerdictLevel::kBad) == v1::Verdict::LEVEL_BAD);
 
 void SetSummary(MeshSize size, double area,

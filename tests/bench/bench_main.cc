@@ -36,13 +36,14 @@ void AddMatchOptions(CLI::App* command, Arguments* arguments) {
       ->capture_default_str();
   command
       ->add_option("--relation", arguments->relation,
-                   "whole, or part-of-y: X is a part of Y")
-      ->check(CLI::IsMember({"whole", "part-of-y"}))
+                   "What of each shape has a counterpart: all of both, or X "
+                   "is a part of Y, Y of X, or both overlap")
+      ->check(CLI::IsMember(RelationNames()))
       ->capture_default_str();
   command
       ->add_option("--scale", arguments->scale,
-                   "Of part-of-y: same where both have one unit, else auto")
-      ->check(CLI::IsMember({"auto", "same"}))
+                   "Of parts: same where both have one unit, else auto")
+      ->check(CLI::IsMember(LengthScaleNames()))
       ->capture_default_str();
   command->add_option("--set", arguments->settings,
                       "Another value of an option: name=number, repeatable");
@@ -182,12 +183,8 @@ absl::Status Run(const Arguments& arguments, const std::string& command) {
     return status;
   }
   options.threads = arguments.threads;
-  if (arguments.relation == RelationName(Relation::kPartOfY)) {
-    options.relation = Relation::kPartOfY;
-  }
-  if (arguments.scale == LengthScaleName(LengthScale::kSame)) {
-    options.scale = LengthScale::kSame;
-  }
+  options.relation = RelationOf(arguments.relation).value();
+  options.scale = LengthScaleOf(arguments.scale).value();
   if (const absl::Status status = UseInstructionSet(arguments.instruction_set);
       !status.ok()) {
     return status;

@@ -45,13 +45,14 @@ ALLOWED = {layer: used.split() for layer, used in {
     "client/picture": "core/mesh",
     "client/files": "core/base core/mesh core/io client/picture",
     "client/api": "proto core/base core/mesh core/io",
-    "client/job": "proto core/base core/mesh core/io core/evaluation client/files client/api",
+    "client/job": "proto core/base core/mesh core/io core/evaluation core/pipeline client/files"
+                  " client/api",
     "client/batch": "core/base client/files client/api client/job",
     "client/inspect": "proto core/base core/mesh core/io core/pipeline client/files",
     "client/transfer": "core/base core/mesh core/geodesic client/files",
     "client/sample": "core/base core/mesh client/picture client/files",
     "client/viewer": "core/base core/mesh core/io core/evaluation client/picture",
-    "client/cli": "proto core/base core/mesh server/config server client/picture client/files"
+    "client/cli": "proto core/base core/mesh core/pipeline server/config server client/picture client/files"
                   " client/api client/job client/batch client/inspect client/transfer"
                   " client/sample client/viewer",
     "client/cpp": "client/files client/api",

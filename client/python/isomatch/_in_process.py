@@ -71,7 +71,7 @@ class Options:
         self._owned = _library.Owned("options", _library.load().isomatch_options_new())
         for field, text, known in (
             ("profile", profile, "'default' or 'paper'"),
-            ("relation", relation, "'whole' or 'part-of-y'"),
+            ("relation", relation, "'whole', 'part-of-y', 'part-of-x' or 'overlap'"),
             ("scale", scale, "'auto' or 'same'"),
         ):
             if not isinstance(text, str):

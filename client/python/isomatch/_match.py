@@ -52,8 +52,9 @@ def match(
     landmarks: k x 2, known matches (vertex of x, vertex of y); those that the rest
       contradicts are changed, unless landmarks_exact.
     server: None: in this process. HOST:PORT, or a Client (for TLS and API keys).
-    relation: "whole", or "part-of-y" where x is a part of y; scale: then "same" where
-      both have one unit, "auto" finds it out.
+    relation: "whole", "part-of-y" where x is a part of y, "part-of-x" where y is one of
+      x, "overlap" where each lacks something of the other; scale: of parts, "same"
+      where both have one unit, "auto" finds it out.
     profile: "default" or "paper". random_seed: same input and seed, same map.
     threads: 0 for one a core, or the server's share. solved_vertices: larger meshes are
       decimated to about so many; 0 never; None as the profile says.

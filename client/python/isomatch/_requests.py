@@ -31,7 +31,8 @@ def _number(enum_type: str, field: str, name: str) -> int:
         for full in _messages.enum_names(enum_type)[1:]
     }
     if not isinstance(name, str) or name not in known:
-        raise invalid(field, f"is {name!r}, expected {' or '.join(map(repr, known))}")
+        *names, last = map(repr, known)
+        raise invalid(field, f"is {name!r}, expected {', '.join(names)} or {last}")
     return _messages.enum_number(enum_type, known[name])
 
 

@@ -103,8 +103,9 @@ class ResultInfo:
 
     symmetry_confidence: 0 to 1, how clearly the map is better than
     `alternatives`, which are the scores of the maps not chosen, best first.
-    relation: "whole" or "part-of-y". scale: X's lengths times it are in Y's unit.
-    unmatched: vertices of X on no face. parts: what can be downloaded.
+    relation: "whole", "part-of-y", "part-of-x" or "overlap". scale: X's lengths times
+    it are in Y's unit. unmatched: vertices of X without a counterpart. parts: what can
+    be downloaded.
     """
 
     mesh_x: MeshSummary

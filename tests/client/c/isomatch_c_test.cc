@@ -279,6 +279,14 @@ TEST_F(IsomatchCTest, OptionsAreChecked) {
     EXPECT_EQ(isomatch_options_set_text(options_.get(), name, "2", nullptr),
               ISOMATCH_INVALID_ARGUMENT);
   }
+  isomatch_error* error = nullptr;
+  EXPECT_EQ(
+      isomatch_options_set_text(options_.get(), "relation", "part", &error),
+      ISOMATCH_INVALID_ARGUMENT);
+  error_.reset(error);
+  EXPECT_THAT(isomatch_error_message(error),
+              StrEq("options.relation: 'part', expected whole, part-of-y, "
+                    "part-of-x or overlap"));
   EXPECT_EQ(Match(), ISOMATCH_OK);  // none of it holds
 }
 

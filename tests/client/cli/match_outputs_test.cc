@@ -229,6 +229,7 @@ TEST_F(MatchOutputsTest, FlagsReachTheMethod) {
   on_found_ = [&](auto&& landmarks, const MatchOptions& options,
                   Correspondence& found) {
     FindEverything(landmarks, options, found);
+    found.relation = options.relation;
     seen = options;
   };
   Match({});
@@ -239,8 +240,11 @@ TEST_F(MatchOutputsTest, FlagsReachTheMethod) {
   Match({"--functional-map", Path("f")});
   EXPECT_TRUE(seen.keep_functional_map);
   EXPECT_EQ(seen.relation, Relation::kWhole);
-  Match({"--relation", "part-of-y"});
-  EXPECT_EQ(seen.relation, Relation::kPartOfY);
+  for (const Relation relation : kRelations) {
+    Match({"--relation", RelationName(relation), "--report", Path("r")});
+    EXPECT_EQ(seen.relation, relation);
+    EXPECT_EQ(Json("r")["relation"], RelationName(relation));
+  }
   EXPECT_EQ(seen.scale, LengthScale::kAuto);
   Match({"--relation", "part-of-y", "--scale", "same"});
   EXPECT_EQ(seen.scale, LengthScale::kSame);

@@ -2,10 +2,12 @@
 
 #include <cmath>
 #include <functional>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "tests/support/matchers.h"
@@ -118,6 +120,22 @@ TEST(MatchOptionsTest, EveryWrongValueIsNamed) {
                 StatusIs(absl::StatusCode::kInvalidArgument,
                          testing::AllOf(testing::HasSubstr("options." + field),
                                         testing::HasSubstr("expected"))));
+  }
+}
+
+TEST(RelationTest, EachHasANameOfItsOwnThatLeadsBackToIt) {
+  EXPECT_THAT(RelationNames(), testing::ElementsAre("whole", "part-of-y",
+                                                    "part-of-x", "overlap"));
+  for (const Relation relation : kRelations) {
+    EXPECT_EQ(RelationOf(RelationName(relation)), relation);
+  }
+  EXPECT_THAT(LengthScaleNames(), testing::ElementsAre("auto", "same"));
+  for (const LengthScale scale : kLengthScales) {
+    EXPECT_EQ(LengthScaleOf(LengthScaleName(scale)), scale);
+  }
+  for (const char* unknown : {"", "Whole", "part-of-z", "auto "}) {
+    EXPECT_EQ(RelationOf(unknown), std::nullopt) << unknown;
+    EXPECT_EQ(LengthScaleOf(unknown), std::nullopt) << unknown;
   }
 }
 
