@@ -154,6 +154,9 @@ class Merger {
     result_.y_from_x.assign(mesh_x.num_vertices(), kNoVertex);
     result_.precise.resize(mesh_x.num_vertices());
     result_.confidence.assign(mesh_x.num_vertices(), 0);
+    for (const VertexIndex v : split_y.clean.clean_from_original) {
+      result_.matched_y.push_back(v == kNoVertex ? 0 : 1);
+    }
     result_.landmarks.assign(landmarks.size(), {false, kNoVertex, 0});
     result_.area_x = SurfaceArea(split_x.clean.mesh);
     result_.area_y = SurfaceArea(split_y.clean.mesh);

@@ -80,8 +80,13 @@ struct MapQuality {
 
 /// What Match found.
 struct Correspondence {
-  /// One entry for each vertex of X; kNoVertex only for a vertex on no face.
+  /// One entry for each vertex of X; kNoVertex for one without a counterpart on
+  /// Y: a vertex on no face and, where only a part of X has one (kPartOfX,
+  /// kOverlap), the vertices of the rest.
   VertexMap y_from_x;
+  /// One entry for each vertex of Y: 1 where X has a counterpart, else 0.
+  /// Between whole shapes 1 for every vertex on a face.
+  std::vector<char> matched_y;
   /// The same, between the vertices of Y. With alignment_rounds 0 the vertices
   /// themselves.
   std::vector<PrecisePoint> precise;

@@ -6,6 +6,7 @@
 #include "core/evaluation/map_quality.h"
 #include "core/mesh/vertex_stars.h"
 #include "core/pipeline/confidence.h"
+#include "core/pipeline/user_numbering.h"
 
 namespace isomatch {
 namespace {
@@ -45,6 +46,7 @@ absl::Status ReportQuality(const PreparedMesh& x, const PreparedMesh& y,
       Eigen::Map<const Eigen::VectorXf>(
           of_solved.data(), static_cast<Eigen::Index>(of_solved.size()))
           .cast<double>();
+  result->matched_y = MatchedY(y.full);
   for (const VertexIndex v : x.full.working_from_user) {
     result->confidence.push_back(v == kNoVertex ? 0
                                                 : ValueAt(x, confidence, v));

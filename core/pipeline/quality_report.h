@@ -23,8 +23,8 @@ struct SolvedMap {
   const ElasticAlignment* alignment;
 };
 
-/// Fills result->quality and result->confidence: measured on solved vertices,
-/// interpolated in between. REQUIRES: result->y_from_x.
+/// Fills result->quality, result->confidence and result->matched_y: measured on
+/// solved vertices, interpolated in between. REQUIRES: result->y_from_x.
 absl::Status ReportQuality(const PreparedMesh& x, const PreparedMesh& y,
                            const SolvedMap& map, const std::stop_token& stop,
                            Correspondence* result);

@@ -35,4 +35,12 @@ std::vector<PrecisePoint> ToUserPoints(const WorkingMesh& x,
   return precise;
 }
 
+std::vector<char> MatchedY(const WorkingMesh& y) {
+  std::vector<char> matched;
+  for (const VertexIndex v : y.working_from_user) {
+    matched.push_back(v == kNoVertex ? 0 : 1);
+  }
+  return matched;
+}
+
 }  // namespace isomatch

@@ -93,6 +93,19 @@ TEST(MatchByComponentsTest, OneWithoutACounterpartFollowsAndIsReported) {
   EXPECT_EQ(found->confidence.size(), std::size_t(two.num_vertices()));
 }
 
+TEST(MatchByComponentsTest, EveryVertexOfYOnAFaceIsMatched) {
+  TriangleMesh two = Row({FiveArms(2), Scaled(BumpySphere(2), 0.8)});
+  const Eigen::Index n = two.num_vertices();
+  const auto x = two;
+  two.positions.conservativeResize(n + 1, Eigen::NoChange);
+  two.positions.row(n).setConstant(9);  // on no face
+  const auto found = Match(x, two, {}, {});
+  ASSERT_THAT(found, IsOk());
+  std::vector<char> all_but_the_last(std::size_t(n) + 1, 1);
+  all_but_the_last.back() = 0;
+  EXPECT_EQ(found->matched_y, all_but_the_last);
+}
+
 TEST(MatchByComponentsTest, ProgressRisesOverAllParts) {
   const TriangleMesh two = Row({FiveArms(2), Scaled(BumpySphere(2), 0.8)});
   std::vector<double> totals;

@@ -240,6 +240,9 @@ TEST(MatcherTest, AVertexOnNoFaceStaysUnmatchedAndIsNoTarget) {
   for (std::size_t v = 1; v < found->y_from_x.size(); ++v) {
     EXPECT_GT(found->y_from_x[v], 0);
   }
+  std::vector<char> all_but_the_first(found->y_from_x.size(), 1);
+  all_but_the_first[0] = 0;
+  EXPECT_EQ(found->matched_y, all_but_the_first);
   EXPECT_THAT(found->warnings_x, Contains(HasSubstr("on no face")));
   const std::vector<Landmark> on_lone = {{0, 5}};
   EXPECT_THAT(Match(mesh, mesh, on_lone, QuickOptions()).status(),

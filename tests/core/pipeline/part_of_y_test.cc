@@ -76,6 +76,7 @@ TEST_F(PartOfYTest, IsFoundInOneUnit) {
   EXPECT_LT(ErrorOf(found->y_from_x), 0.01);
   EXPECT_EQ(found->scale, 1);
   EXPECT_EQ(found->relation, Relation::kPartOfY);
+  EXPECT_EQ(found->matched_y.size(), std::size_t(whole_.num_vertices()));
   // As wholes they are not.
   const auto as_wholes = Match(PartInOneUnit(), whole_, {}, QuickOptions());
   ASSERT_THAT(as_wholes, IsOk());
