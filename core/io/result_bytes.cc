@@ -114,6 +114,10 @@ std::string EncodeFunctionalMap(const FunctionalMap& map) {
   return bytes;
 }
 
+std::string EncodeMask(const std::vector<char>& matched_y) {
+  return {matched_y.begin(), matched_y.end()};
+}
+
 absl::StatusOr<VertexMap> DecodeMap(absl::string_view bytes, PairSize size) {
   ISOMATCH_ASSIGN_OR_RETURN(VertexMap map,
                             ForEachVertex<VertexIndex>(bytes, size, "the map"));
@@ -166,6 +170,20 @@ absl::StatusOr<FunctionalMap> DecodeFunctionalMap(absl::string_view bytes) {
   Take(&rest, &map.fmap_x_from_y);
   map.fmap_x_from_y.transposeInPlace();
   return map;
+}
+
+absl::StatusOr<std::vector<char>> DecodeMask(absl::string_view bytes,
+                                             PairSize size) {
+  ISOMATCH_RETURN_IF_ERROR(CheckSize(
+      bytes, static_cast<std::size_t>(size.vertices_y), "the mask of Y"));
+  for (const char byte : bytes) {
+    if (byte == 0 || byte == 1) continue;
+    return absl::DataLossError(
+        absl::StrCat("the mask of Y has a byte ",
+                     static_cast<int>(static_cast<unsigned char>(byte)),
+                     ", expected 0 or 1"));
+  }
+  return std::vector<char>(bytes.begin(), bytes.end());
 }
 
 }  // namespace isomatch

@@ -31,6 +31,8 @@ static_assert(static_cast<int>(WaitReason::kInputs) ==
 static_assert(static_cast<int>(ResultPart::kMap) == v1::RESULT_PART_MAP);
 static_assert(static_cast<int>(ResultPart::kFunctionalMap) ==
               v1::RESULT_PART_FUNCTIONAL_MAP);
+static_assert(static_cast<int>(ResultPart::kMaskY) == v1::RESULT_PART_MASK_Y);
+static_assert(static_cast<int>(ResultPart::kMaskY) == v1::ResultPart_MAX);
 
 void SetTime(absl::Time time, google::protobuf::Timestamp* timestamp) {
   const std::int64_t seconds = absl::ToUnixSeconds(time);

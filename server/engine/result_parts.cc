@@ -24,6 +24,9 @@ std::vector<EncodedPart> EncodeParts(const Correspondence& found) {
          EncodeFunctionalMap({found.eigenvalues_x, found.eigenvalues_y,
                               found.functional_map})});
   }
+  if (!found.matched_y.empty()) {
+    parts.push_back({ResultPart::kMaskY, EncodeMask(found.matched_y)});
+  }
   return parts;
 }
 

@@ -63,13 +63,14 @@ enum class ResultPart : std::int32_t {
   kConfidence = 3,      ///< of each vertex's image
   kAlternativeMap = 4,  ///< the best of the maps that were not chosen
   kFunctionalMap = 5,   ///< on request
+  kMaskY = 6,           ///< which vertices of Y have a counterpart
 };
 
 /// "MAP", "PRECISE_MAP", ...
 inline const char* ResultPartName(ResultPart part) {
-  constexpr const char* kNames[] = {"UNSPECIFIED",     "MAP",
-                                    "PRECISE_MAP",     "CONFIDENCE",
-                                    "ALTERNATIVE_MAP", "FUNCTIONAL_MAP"};
+  constexpr const char* kNames[] = {
+      "UNSPECIFIED",    "MAP",   "PRECISE_MAP", "CONFIDENCE", "ALTERNATIVE_MAP",
+      "FUNCTIONAL_MAP", "MASK_Y"};
   return kNames[static_cast<int>(part)];
 }
 

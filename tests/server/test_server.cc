@@ -66,6 +66,7 @@ void FindEverything(absl::Span<const Landmark> landmarks,
         1 / (2 + static_cast<float>(found.confidence.size())));
     other.push_back(next);
   }
+  found.matched_y = {1, 0, 1, 1};
   found.scores = {1, -0.5, 3, 4, 1.5, 5, 0.25, 7};
   found.alternatives = {{other, {8, 9, 10, 11, 0.5, 12, 13, 14}},
                         {found.y_from_x, {.rank_value = 15}}};

@@ -46,7 +46,9 @@ TEST(JobProtoTest, UnspecifiedIsTheMapAndUnknownPartsAreRefused) {
             ResultPart::kPreciseMap);
   EXPECT_EQ(*ParseResultPart(v1::RESULT_PART_FUNCTIONAL_MAP, "part"),
             ResultPart::kFunctionalMap);
-  for (const int unknown : {-1, 6}) {
+  EXPECT_EQ(*ParseResultPart(v1::RESULT_PART_MASK_Y, "part"),
+            ResultPart::kMaskY);
+  for (const int unknown : {-1, 7}) {
     EXPECT_THAT(ParseResultPart(unknown, "part"),
                 StatusIs(absl::StatusCode::kInvalidArgument,
                          HasSubstr("expected a ResultPart")));

@@ -2,6 +2,7 @@
 
 #include <limits>
 #include <string>
+#include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -16,6 +17,7 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 
 constexpr PairSize kSize = {/*vertices_x=*/2, /*vertices_y=*/9};
+const std::vector<char> kMask = {1, 0, 0, 1, 1, 1, 0, 1, 1};
 
 auto Damaged(const std::string& why) {
   return StatusIs(absl::StatusCode::kDataLoss, HasSubstr(why));
@@ -31,6 +33,7 @@ Correspondence Found() {
   found.functional_map << 1, -2, 0.1, 4;
   found.eigenvalues_x = Eigen::Vector2d(0, 1e-300);
   found.eigenvalues_y = Eigen::Vector2d(0, 6);
+  found.matched_y = kMask;
   return found;
 }
 
@@ -60,6 +63,7 @@ TEST(ResultBytesTest, WhatTheServerEncodesComesBack) {
   EXPECT_EQ(fmap->fmap_x_from_y, found.functional_map);
   EXPECT_EQ(fmap->eigenvalues_x, found.eigenvalues_x);
   EXPECT_EQ(fmap->eigenvalues_y, found.eigenvalues_y);
+  EXPECT_EQ(*DecodeMask(Encoded(ResultPart::kMaskY), kSize), kMask);
 }
 
 TEST(ResultBytesTest, AnotherNumberOfBytesIsDamage) {
@@ -76,6 +80,8 @@ TEST(ResultBytesTest, AnotherNumberOfBytesIsDamage) {
                 Damaged("expected 8"));
     EXPECT_THAT(DecodeFunctionalMap(cut(ResultPart::kFunctionalMap)),
                 Damaged("expected 68"));
+    EXPECT_THAT(DecodeMask(cut(ResultPart::kMaskY), kSize),
+                Damaged("expected 9"));
   }
   EXPECT_THAT(DecodeFunctionalMap("\1"), Damaged("expected 4"));
   EXPECT_THAT(DecodeFunctionalMap("\xFF\xFF\xFF\xFF"), Damaged("at most"));
@@ -88,6 +94,16 @@ TEST(ResultBytesTest, AVertexThatYLacksIsDamage) {
   EXPECT_THAT(DecodePreciseMap(Encoded(ResultPart::kPreciseMap), smaller),
               Damaged("names vertex 8"));
   EXPECT_THAT(DecodeMap("\xFE\xFF\xFF\xFF", {1, 8}), Damaged("4294967294"));
+}
+
+TEST(ResultBytesTest, AMaskHasZerosAndOnesOnly) {
+  for (const char byte : {'\2', '1', '\xFF'}) {
+    std::string bytes = Encoded(ResultPart::kMaskY);
+    bytes[4] = byte;
+    EXPECT_THAT(DecodeMask(bytes, kSize), Damaged("expected 0 or 1"));
+  }
+  EXPECT_THAT(DecodeMask(std::string(8, '\1') + "\xFF", kSize),
+              Damaged("a byte 255"));
 }
 
 TEST(ResultBytesTest, HalfAFaceIsDamage) {

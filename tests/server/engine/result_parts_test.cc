@@ -74,5 +74,14 @@ TEST(ResultPartsTest, AFunctionalMapIsStoredByRows) {
                                 kZero);
 }
 
+TEST(ResultPartsTest, AMaskIsAByteForEachVertexOfY) {
+  Correspondence found;
+  found.matched_y = {1, 0, 1};
+  const std::vector<EncodedPart> parts = EncodeParts(found);
+  ASSERT_EQ(parts[1].part, ResultPart::kMaskY);
+  EXPECT_EQ(parts[1].bytes, std::string("\1\0\1", 3));
+  EXPECT_STREQ(ResultPartName(parts[1].part), "MASK_Y");
+}
+
 }  // namespace
 }  // namespace isomatch

@@ -77,7 +77,7 @@ class ResultPartsTest : public TestServer {
 TEST_F(ResultPartsTest, EachPartComesAsTheMethodFoundIt) {
   const std::string name = RunJobWithEverything();
   const v1::ResultInfo info = GetJob(name).result();
-  ASSERT_EQ(info.parts_size(), 5);
+  ASSERT_EQ(info.parts_size(), 6);
   for (const v1::ResultPartInfo& part : info.parts()) {
     const Download download = Get(name, part.part());
     ASSERT_TRUE(download.status.ok()) << part.DebugString();
@@ -105,13 +105,14 @@ TEST_F(ResultPartsTest, EachPartComesAsTheMethodFoundIt) {
       Numbers<double>(
           Get(name, v1::RESULT_PART_FUNCTIONAL_MAP, /*offset=*/4).bytes),
       ElementsAre(0, 5, 0, 6, 1, 2, 3, 4));
+  EXPECT_THAT(Get(name, v1::RESULT_PART_MASK_Y).bytes, ElementsAre(1, 0, 1, 1));
 }
 
 TEST_F(ResultPartsTest, EachPartResumesAtItsOwnOffset) {
   const std::string name = RunJobWithEverything();
   for (int part = v1::ResultPart_MIN + 1; part <= v1::ResultPart_MAX; ++part) {
     const std::string whole = Get(name, part).bytes;
-    EXPECT_EQ(Get(name, part, 5).bytes, whole.substr(5)) << part;
+    EXPECT_EQ(Get(name, part, 3).bytes, whole.substr(3)) << part;
     EXPECT_EQ(ErrorOf(Get(name, part, whole.size() + 1).status).reason,
               "OFFSET_OUT_OF_RANGE");
   }
@@ -188,7 +189,7 @@ TEST_F(ResultPartsTest, AListLeavesTheLandmarksOut) {
   v1::ListJobsResponse response;
   ASSERT_TRUE(stub_->ListJobs(&context, {}, &response).ok());
   ASSERT_EQ(response.jobs_size(), 1);
-  EXPECT_EQ(response.jobs(0).result().parts_size(), 5);
+  EXPECT_EQ(response.jobs(0).result().parts_size(), 6);
   EXPECT_EQ(response.jobs(0).result().landmarks_size(), 0);
 }
 
@@ -214,10 +215,14 @@ TEST_F(ResultPartsTest, RelationAndScaleReachTheMethodAndComeBack) {
     found.scale = options.scale == LengthScale::kSame ? 1 : 0.25;
   };
   v1::CreateJobRequest request = SphereJob();
-  request.mutable_options()->set_relation(v1::RELATION_PART_OF_Y);
-  v1::Job job = Watch(CreateJob(request)).back();
-  EXPECT_EQ(job.result().relation(), v1::RELATION_PART_OF_Y);
-  EXPECT_EQ(job.result().scale(), 0.25);
+  v1::Job job;
+  for (int relation = 1; relation <= v1::Relation_MAX; ++relation) {
+    const auto asked = static_cast<v1::Relation>(relation);
+    request.mutable_options()->set_relation(asked);
+    job = Watch(CreateJob(request)).back();
+    EXPECT_EQ(job.result().relation(), asked);
+    EXPECT_EQ(job.result().scale(), 0.25);
+  }
   request.mutable_options()->set_scale(v1::LENGTH_SCALE_SAME);
   job = Watch(CreateJob(request)).back();
   EXPECT_EQ(job.result().scale(), 1);
@@ -247,6 +252,7 @@ TEST_F(ResultPartsTest, TheRealMethodMakesConsistentParts) {
     ASSERT_NEAR(sum, 1, 1e-6) << i;
   }
   EXPECT_EQ(Get(name, v1::RESULT_PART_CONFIDENCE).bytes.size(), 4 * n);
+  EXPECT_EQ(Get(name, v1::RESULT_PART_MASK_Y).bytes, std::string(n, '\1'));
   EXPECT_GT(job.result().quality().mean_confidence(), 0);
   EXPECT_NE(job.result().verdict().level(), v1::Verdict::LEVEL_UNSPECIFIED);
   const std::string functional_map =
