@@ -78,6 +78,10 @@ absl::Status SetPart(v1::ResultPart part, const std::string& bytes,
                                 DecodeFunctionalMap(bytes));
       break;
     }
+    case v1::RESULT_PART_MASK_Y: {
+      ISOMATCH_ASSIGN_OR_RETURN(result.matched_y, DecodeMask(bytes, size));
+      break;
+    }
     default:
       return absl::InvalidArgumentError(
           absl::StrCat("part ", part, ", expected a ResultPart"));

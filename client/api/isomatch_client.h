@@ -39,6 +39,8 @@ struct MatchResult {
   /// The map of the first alternative; info.alternatives(0) describes it.
   std::optional<VertexMap> alternative;
   std::optional<FunctionalMap> functional_map;
+  /// One entry for each vertex of Y: 1 where X has a counterpart, else 0.
+  std::optional<std::vector<char>> matched_y;
 };
 
 /// OK for a job that succeeded, else why it did not, or that it has not ended.

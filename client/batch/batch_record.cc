@@ -88,7 +88,23 @@ std::vector<std::pair<std::string, std::string>> BatchRecord::PartPaths()
   if (parts_.confidence) {
     paths.emplace_back("confidence_sha256", confidence_path());
   }
+  if (parts_.mask_y) paths.emplace_back("mask_y_sha256", mask_y_path());
   return paths;
+}
+
+std::optional<std::string> BatchRecord::PartText(
+    const std::string& path, const MatchResult& result,
+    const TriangleMesh& mesh_y) const {
+  if (path == precise_path() && result.precise) {
+    return FormatPreciseMap(*result.precise, mesh_y);
+  }
+  if (path == confidence_path() && result.confidence) {
+    return FormatConfidence(*result.confidence);
+  }
+  if (path == mask_y_path() && result.matched_y) {
+    return FormatMask(*result.matched_y);
+  }
+  return std::nullopt;
 }
 
 absl::Status BatchRecord::Save(const MatchResult& result,
@@ -102,18 +118,15 @@ absl::Status BatchRecord::Save(const MatchResult& result,
                       {"fingerprint", fingerprint_},
                       {"map_sha256", Sha256Hex(map)}};
   for (const auto& [key, path] : PartPaths()) {
-    const bool is_precise = path == precise_path();
-    if (is_precise ? !result.precise : !result.confidence) {
+    const std::optional<std::string> text = PartText(path, result, mesh_y);
+    if (!text) {
       return absl::UnimplementedError(
           absl::StrCat("'", path,
                        "': the server's result has no such part, "
                        "expected a newer isomatch-server"));
     }
-    const std::string text = is_precise
-                                 ? FormatPreciseMap(*result.precise, mesh_y)
-                                 : FormatConfidence(*result.confidence);
-    ISOMATCH_RETURN_IF_ERROR(WriteFileAtomically(path, text));
-    report_["batch"][key] = Sha256Hex(text);
+    ISOMATCH_RETURN_IF_ERROR(WriteFileAtomically(path, *text));
+    report_["batch"][key] = Sha256Hex(*text);
   }
   return WriteReport();
 }

@@ -23,9 +23,11 @@ struct BatchError {
 
 /// What a pair gets beside its map.
 struct BatchParts {
-  /// NAME.precise.txt and NAME.confidence.txt, as `match` writes them.
+  /// NAME.precise.txt, NAME.confidence.txt and NAME.mask_y.txt, as `match`
+  /// writes them.
   bool precise = false;
   bool confidence = false;
+  bool mask_y = false;
 };
 
 /// What a batch has of one pair on disk: NAME.txt, the map, the files of its
@@ -45,6 +47,7 @@ class BatchRecord {  // NOLINT: moving a json of nlohmann throws nothing
   std::string map_path() const { return stem_ + ".txt"; }
   std::string precise_path() const { return stem_ + ".precise.txt"; }
   std::string confidence_path() const { return stem_ + ".confidence.txt"; }
+  std::string mask_y_path() const { return stem_ + ".mask_y.txt"; }
   std::string report_path() const { return stem_ + ".json"; }
 
   /// Reads what is there. False unless it was made from the same files with the
@@ -67,6 +70,10 @@ class BatchRecord {  // NOLINT: moving a json of nlohmann throws nothing
   absl::Status WriteReport() const;
   /// The paths of the parts that are wanted, by their key in the report.
   std::vector<std::pair<std::string, std::string>> PartPaths() const;
+  /// What the file of a part holds; nullopt when the result has no such part.
+  std::optional<std::string> PartText(const std::string& path,
+                                      const MatchResult& result,
+                                      const TriangleMesh& mesh_y) const;
 
   std::string stem_;
   /// The meshes' paths, from the folder.

@@ -163,6 +163,7 @@ absl::Status BatchRunner::Match(const BatchPair& pair, std::size_t index,
   if (options_.parts.confidence) {
     request.parts.push_back(v1::RESULT_PART_CONFIDENCE);
   }
+  if (options_.parts.mask_y) request.parts.push_back(v1::RESULT_PART_MASK_Y);
   const auto on_change = [&](const v1::Job& job) {
     const std::lock_guard lock(mutex_);
     fractions_[index] = job.progress().total_fraction();

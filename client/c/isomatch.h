@@ -194,7 +194,7 @@ ISOMATCH_API isomatch_status isomatch_match(const isomatch_pair* pair,
 
 ISOMATCH_API void isomatch_result_free(isomatch_result* result);
 
-/* Vertices of X: what the following arrays have entries for. */
+/* Vertices of X: what the following arrays have entries for, unless said. */
 ISOMATCH_API int64_t
 isomatch_result_num_vertices(const isomatch_result* result);
 /* The vertex of Y of each; -1 for one without a counterpart: on no face or,
@@ -203,8 +203,14 @@ ISOMATCH_API const int32_t* isomatch_result_map(const isomatch_result* result);
 /* How far to trust each, 0 to 1. */
 ISOMATCH_API const float* isomatch_result_confidence(
     const isomatch_result* result);
-/* The same between the vertices of Y: three vertices of a face each, and their
- * barycentric weights; -1 and 0 for no place. */
+/* Vertices of Y, and for each whether X has a counterpart: 1, or 0. Between
+ * whole shapes each on a face has one. */
+ISOMATCH_API int64_t
+isomatch_result_num_vertices_y(const isomatch_result* result);
+ISOMATCH_API const uint8_t* isomatch_result_mask_y(
+    const isomatch_result* result);
+/* As the map, between the vertices of Y: three vertices of a face each, and
+ * their barycentric weights; -1 and 0 for no place. */
 ISOMATCH_API const int32_t* isomatch_result_precise_vertices(
     const isomatch_result* result);
 ISOMATCH_API const double* isomatch_result_precise_weights(

@@ -27,6 +27,14 @@ const float* isomatch_result_confidence(const isomatch_result* result) {
   return result->found.confidence.data();
 }
 
+std::int64_t isomatch_result_num_vertices_y(const isomatch_result* result) {
+  return static_cast<std::int64_t>(result->found.matched_y.size());
+}
+
+const std::uint8_t* isomatch_result_mask_y(const isomatch_result* result) {
+  return reinterpret_cast<const std::uint8_t*>(result->found.matched_y.data());
+}
+
 const std::int32_t* isomatch_result_precise_vertices(
     const isomatch_result* result) {
   return result->precise_vertices.data();

@@ -24,6 +24,7 @@
 #include "client/cli/progress_line.h"
 #include "client/cli/remote_server.h"
 #include "core/base/status_macros.h"
+#include "core/pipeline/match_options.h"
 
 namespace isomatch {
 namespace {
@@ -37,9 +38,10 @@ each mesh of a folder, is the Y of one template.
 
 For each pair FOLDER gets X__Y.txt, the map, and X__Y.json, its report; summary.csv
 has a line for each. --precise and --confidence add X__Y.precise.txt and
-X__Y.confidence.txt, as `match` writes them. Run the same command again and pairs that are done are kept:
-after a kill, a crash or Ctrl-C only the rest is matched. Other meshes, options or
-another version of isomatch make a pair new.
+X__Y.confidence.txt, another --relation than whole X__Y.mask_y.txt, as `match`
+writes them. Run the same command again and pairs that are done are kept: after a
+kill, a crash or Ctrl-C only the rest is matched. Other meshes, options or another
+version of isomatch make a pair new.
 
 --truth FOLDER measures maps against FOLDER/gt_X__Y.txt, files as `evaluate` takes
 them: the columns direct and best are mean geodesic errors over the diameter of Y.
@@ -141,6 +143,7 @@ absl::Status RunBatch(const BatchArguments& arguments,
   ISOMATCH_RETURN_IF_ERROR(MakeFolder(arguments.options.folder));
   BatchOptions options = arguments.options;
   options.parallel = arguments.parallel;
+  options.parts.mask_y = RelationOf(options.job.relation) != Relation::kWhole;
   std::unique_ptr<Server> embedded;
   std::optional<IsomatchClient> client;
   if (arguments.connection.server.empty()) {

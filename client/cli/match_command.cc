@@ -28,11 +28,12 @@ namespace {
 
 constexpr char kMatchFooter[] = R"(
 MAP has one line for each vertex of X, in the order of X's file: the 0-based
-vertex of Y that it corresponds to, or -1 for a vertex on no face. Its extension
-tells the format: .txt or none is text, .npy the same as a NumPy array of int64,
-.json as JSON, .ply is X in the colors of Y, to be looked at. Without -o the map
-goes to standard output; where that is a terminal, a summary does instead, unless
--o - asks for the numbers.
+vertex of Y that it corresponds to, or -1 for a vertex without a counterpart: one
+on no face and, with --relation part-of-x or overlap, one that Y lacks. Its
+extension tells the format: .txt or none is text, .npy the same as a NumPy array of
+int64, .json as JSON, .ply is X in the colors of Y, to be looked at. Without -o the
+map goes to standard output; where that is a terminal, a summary does instead,
+unless -o - asks for the numbers.
 
 Without --server the work is done in this process, by the same server code.
 
@@ -48,6 +49,7 @@ Examples:
   isomatch match X.off Y.ply -o colored.ply --confidence confidence.txt
   isomatch match X.off Y.ply -o map.txt --server 127.0.0.1:7443
   isomatch match X.off Y.ply -o map.txt --precise points.txt
+  isomatch match X.off Y.ply -o map.txt --relation overlap --mask-y mask.txt
   isomatch match X.off Y.ply -o map.txt --server meshes.example.org:7443 \
                  --tls-ca ca.crt --api-key-file alice.key
 
@@ -64,6 +66,7 @@ Further files, one line for each vertex of X:
   --confidence   0 (do not trust its line of MAP) to 1
   --alternative  as MAP: the best of the maps that were not chosen; no file, but
                  a warning, when no other came near
+--mask-y has a line for each vertex of Y: 1 where X has a counterpart, else 0.
 --functional-map has the eigenvalues of both meshes and, by rows, the matrix
 that carries eigenfunctions of Y (columns) to X (rows).)";
 

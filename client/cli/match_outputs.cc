@@ -40,7 +40,8 @@ std::vector<Output> Files(const MatchOutputs& outputs) {
         Output{"--precise", outputs.precise},
         Output{"--confidence", outputs.confidence},
         Output{"--alternative", outputs.alternative},
-        Output{"--functional-map", outputs.functional_map}}) {
+        Output{"--functional-map", outputs.functional_map},
+        Output{"--mask-y", outputs.mask_y}}) {
     if (!output.path.empty()) files.push_back(output);
   }
   return files;
@@ -123,6 +124,8 @@ absl::Status CheckExtensions(const MatchOutputs& outputs) {
       CheckExtension("--precise", outputs.precise, kTextExtensions));
   ISOMATCH_RETURN_IF_ERROR(
       CheckExtension("--confidence", outputs.confidence, kTextExtensions));
+  ISOMATCH_RETURN_IF_ERROR(
+      CheckExtension("--mask-y", outputs.mask_y, kTextExtensions));
   ISOMATCH_RETURN_IF_ERROR(CheckExtension(
       "--functional-map", outputs.functional_map, kJsonExtensions));
   return CheckExtension("--report", outputs.report, kJsonExtensions);
@@ -145,12 +148,15 @@ void AddMatchOutputs(CLI::App* command, MatchOutputs* outputs) {
                       "How far to trust each line of MAP, 0 to 1, .txt");
   command->add_option("--alternative", outputs->alternative,
                       "MAP of the runner-up, as a rule a symmetric image");
+  command->add_option("--mask-y", outputs->mask_y,
+                      "Which vertices of Y have a counterpart, 1 or 0, .txt");
   command->add_option("--functional-map", outputs->functional_map,
                       "The map between eigenfunctions, .json");
   command->add_option("--report", outputs->report,
                       "Report on times, memory and quality, .json");
-  for (const char* name : {"--output", "--precise", "--confidence",
-                           "--alternative", "--functional-map", "--report"}) {
+  for (const char* name :
+       {"--output", "--precise", "--confidence", "--alternative", "--mask-y",
+        "--functional-map", "--report"}) {
     command->get_option(name)->type_name(kFile)->group(kFilesGroup);
   }
 }
@@ -207,7 +213,8 @@ std::vector<v1::ResultPart> PartsFor(const MatchOutputs& outputs) {
        {std::pair(&outputs.precise, v1::RESULT_PART_PRECISE_MAP),
         std::pair(&outputs.confidence, v1::RESULT_PART_CONFIDENCE),
         std::pair(&outputs.alternative, v1::RESULT_PART_ALTERNATIVE_MAP),
-        std::pair(&outputs.functional_map, v1::RESULT_PART_FUNCTIONAL_MAP)}) {
+        std::pair(&outputs.functional_map, v1::RESULT_PART_FUNCTIONAL_MAP),
+        std::pair(&outputs.mask_y, v1::RESULT_PART_MASK_Y)}) {
     if (!path->empty()) parts.push_back(part);
   }
   return parts;
@@ -229,6 +236,8 @@ absl::Status WriteOutputs(const MatchOutputs& outputs, const MeshFacts& facts,
                 }));
   ISOMATCH_RETURN_IF_ERROR(WritePart({"--confidence", outputs.confidence},
                                      result.confidence, FormatConfidence));
+  ISOMATCH_RETURN_IF_ERROR(
+      WritePart({"--mask-y", outputs.mask_y}, result.matched_y, FormatMask));
   return WritePart({"--functional-map", outputs.functional_map},
                    result.functional_map, FormatFunctionalMap);
 }

@@ -25,6 +25,7 @@ struct MatchOutputs {
   std::string confidence;
   std::string alternative;
   std::string functional_map;
+  std::string mask_y;
 };
 
 /// Adds an option for each to `command`, which `outputs` outlives.

@@ -72,6 +72,13 @@ absl::StatusOr<std::vector<float>> ReadConfidence(const std::string& path,
                    vertices_x, ", one for each vertex of X"));
 }
 
+std::string FormatMask(absl::Span<const char> matched_y) {
+  std::string text;
+  text.reserve(2 * matched_y.size());
+  for (const char is_matched : matched_y) text += is_matched ? "1\n" : "0\n";
+  return text;
+}
+
 std::string FormatFunctionalMap(const FunctionalMap& map) {
   Json rows = Json::array();
   for (Eigen::Index row = 0; row < map.fmap_x_from_y.rows(); ++row) {

@@ -12,8 +12,9 @@
 
 namespace isomatch {
 
-// The files that --precise, --confidence and --functional-map write, as text;
-// client/README.md tells what they look like. Numbers read back the same.
+// The files that --precise, --confidence, --mask-y and --functional-map write,
+// as text; client/README.md tells what they look like. Numbers read back the
+// same.
 
 /// Lines `FACE W0 W1 W2`: the 0-based face of `mesh_y`, and the weights of its
 /// vertices in its order (client/files/face_finder.h); `-1 0 0 0` for no place.
@@ -28,6 +29,9 @@ std::string FormatConfidence(absl::Span<const float> confidence);
 /// number from 0 to 1 a line, `vertices_x` of them; NOT_FOUND.
 absl::StatusOr<std::vector<float>> ReadConfidence(const std::string& path,
                                                   std::int64_t vertices_x);
+
+/// 1 or 0 a line.
+std::string FormatMask(absl::Span<const char> matched_y);
 
 /// JSON: `eigenvalues_x`, `eigenvalues_y`, `matrix` as an array of rows.
 std::string FormatFunctionalMap(const FunctionalMap& map);

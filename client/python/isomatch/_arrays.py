@@ -46,3 +46,8 @@ def copied(pointer: Any, count: int, columns: int = 1) -> Any:
     if columns == 1:
         return list(flat)
     return [list(flat[i : i + columns]) for i in range(0, count * columns, columns)]
+
+
+def as_flags(numbers: Any) -> Any:
+    """True where a number is not 0."""
+    return [number != 0 for number in numbers] if np is None else numbers != 0

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from typing import Any
 
 from isomatch import _library
-from isomatch._arrays import copied
+from isomatch._arrays import as_flags, copied
 from isomatch._landmarks import checked_landmarks, integer
 from isomatch.errors import InvalidType, invalid
 from isomatch.mesh import Mesh, MeshLike, UploadedMesh, as_mesh
@@ -263,6 +263,8 @@ def _result_of(
     parts: dict[str, Any] = {}
     if wanted["confidence"]:
         parts["confidence"] = copied(found.get("confidence"), n)
+    if wanted["matched_y"]:
+        parts["matched_y"] = as_flags(copied(found.get("mask_y"), meshes[1].num_vertices))
     if wanted["precise"]:
         parts["precise"] = PreciseMap(
             copied(found.get("precise_vertices"), n, 3),
@@ -278,7 +280,7 @@ def _result_of(
             copied(found.get("functional_map"), k, k),
         )
     names = {"precise": "precise map", "alternative": "alternative map"}
-    names["spectral"] = "functional map"
+    names |= {"spectral": "functional map", "matched_y": "mask y"}
     there = ("map", *(names.get(name, name) for name in parts))
     return MatchResult(
         y_from_x=copied(found.get("map"), n),

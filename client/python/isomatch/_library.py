@@ -18,6 +18,7 @@ from ctypes import (
     c_int,
     c_int32,
     c_int64,
+    c_uint8,
     c_void_p,
 )
 from typing import Any
@@ -114,6 +115,7 @@ _PLAIN: dict[str, Any] = {
     "result_num_vertices": c_int64,
     "result_map": POINTER(c_int32),
     "result_confidence": POINTER(c_float),
+    "result_mask_y": POINTER(c_uint8),
     "result_precise_vertices": POINTER(c_int32),
     "result_precise_weights": POINTER(c_double),
     "result_num_alternatives": c_int64,

@@ -42,6 +42,7 @@ def match(
     precise: bool = True,
     alternative: bool = False,
     functional_map: bool = True,
+    matched_y: bool = True,
 ) -> MatchResult:
     """Finds for every vertex of x its place on y.
 
@@ -62,8 +63,8 @@ def match(
       warning), or it is refused; 0 for no limit. priority: on a server, -100 to 100.
     progress: a bar of tqdm after a second; None where that is installed and standard
       error is a terminal or a notebook. on_progress: called with each JobStatus.
-    confidence, precise, alternative, functional_map: what comes with the map, see
-      MatchResult.
+    confidence, precise, alternative, functional_map, matched_y: what comes with the
+      map, see MatchResult.
 
     Ctrl-C stops it; in another thread than the first, what on_progress raises does.
     InvalidInput, with `field`: something is wrong, or memory_limit_bytes is too little.
@@ -76,6 +77,7 @@ def match(
         "precise": precise,
         "alternative": alternative,
         "functional_map": functional_map,
+        "matched_y": matched_y,
     }
     with followed(progress, on_progress) as on_status:
         if server is not None:

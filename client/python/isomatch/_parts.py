@@ -31,7 +31,7 @@ def _indices(what: str, stored: NDArray[np.uint32], end: int) -> NDArray[np.int3
 
 # Each decodes the bytes of a part, whose layout ResultPart in service.proto
 # gives; n and end are the numbers of vertices of X and of Y. DataLoss: another
-# number of bytes, or a vertex that Y does not have.
+# number of bytes, a vertex that Y does not have, or a flag that is none.
 
 
 def decode_map(data: bytes, n: int, end: int) -> NDArray[np.int32]:
@@ -50,6 +50,15 @@ def decode_confidence(data: bytes, n: int, end: int) -> NDArray[np.float32]:
     del end
     _check_bytes("confidence", data, 4 * n)
     return np.frombuffer(data, "<f4").astype(np.float32)
+
+
+def decode_mask_y(data: bytes, n: int, end: int) -> NDArray[np.bool_]:
+    del n
+    _check_bytes("mask of Y", data, end)
+    flags = np.frombuffer(data, np.uint8)
+    if end > 0 and flags.max() > 1:
+        raise _lost("mask of Y", f"a byte {flags.max()}", "0 or 1")
+    return flags.astype(np.bool_)
 
 
 def decode_functional_map(data: bytes, n: int, end: int) -> FunctionalMap:

@@ -38,6 +38,7 @@ _DECODERS: dict[str, Callable[[bytes, int, int], Any]] = {
     "precise map": _parts.decode_precise,
     "alternative map": _parts.decode_map,
     "functional map": _parts.decode_functional_map,
+    "mask y": _parts.decode_mask_y,
 }
 
 
@@ -383,6 +384,7 @@ class Job:
         precise: bool = False,
         alternative: bool = False,
         functional_map: bool = False,
+        matched_y: bool = True,
         on_progress: OnProgress | None = None,
     ) -> MatchResult:
         """Waits for the job to end and downloads its result.
@@ -405,6 +407,7 @@ class Job:
             "precise map": precise,
             "alternative map": alternative,
             "functional map": functional_map,
+            "mask y": matched_y,
         }
         header, data = self._download("map")
         n, end = header.vertices_x, header.vertices_y
@@ -422,6 +425,7 @@ class Job:
             precise=parts.get("precise map"),
             alternative=parts.get("alternative map"),
             spectral=parts.get("functional map"),
+            matched_y=parts.get("mask y"),
             meshes=self._meshes,
         )
 

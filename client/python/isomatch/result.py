@@ -63,8 +63,9 @@ class MatchResult:
     """What a match found, in the vertex numbers of the meshes given. Arrays are those
     of numpy, or lists where numpy is not installed.
 
-    y_from_x: n integers, the vertex of Y for each vertex of X; -1 for a vertex
-      on no face (see `matched` before you index with it).
+    y_from_x: n integers, the vertex of Y for each vertex of X; -1 for one without
+      a counterpart: on no face or, with the relations "part-of-x" and "overlap", on
+      what y lacks (see `matched` before you index with it).
     vertices_y: the number of vertices of Y.
     info: quality, scores, times, warnings, what became of the landmarks.
     job: the job's name on the server; empty for a match in this process.
@@ -72,6 +73,8 @@ class MatchResult:
       that was not chosen, a symmetric image as a rule. These and `precise` are None
       when not asked for or not there.
     spectral: what functional_map() gives.
+    matched_y: whether x has a counterpart, for each vertex of Y; None as above.
+      Between whole shapes each on a face has one.
     meshes: X and Y, where they are known, for `view`.
     """
 
@@ -83,6 +86,7 @@ class MatchResult:
     precise: PreciseMap | None = None
     alternative: NDArray[np.int32] | None = None
     spectral: FunctionalMap | None = None
+    matched_y: NDArray[np.bool_] | None = None
     meshes: tuple[Mesh | None, Mesh | None] = (None, None)
 
     def __repr__(self) -> str:

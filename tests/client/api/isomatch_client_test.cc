@@ -276,9 +276,9 @@ TEST_F(IsomatchClientTest, OnlyThePartsAskedForAreDownloaded) {
   const auto plain = Match(request);
   ExpectMap(request, plain);
   EXPECT_FALSE(plain->precise || plain->confidence || plain->alternative ||
-               plain->functional_map);
+               plain->functional_map || plain->matched_y);
   request.parts = {v1::RESULT_PART_CONFIDENCE, v1::RESULT_PART_ALTERNATIVE_MAP,
-                   v1::RESULT_PART_FUNCTIONAL_MAP};
+                   v1::RESULT_PART_FUNCTIONAL_MAP, v1::RESULT_PART_MASK_Y};
   const auto more = Match(request);
   ExpectMap(request, more);
   EXPECT_FALSE(more->precise);
@@ -286,6 +286,8 @@ TEST_F(IsomatchClientTest, OnlyThePartsAskedForAreDownloaded) {
   EXPECT_EQ((*more->confidence)[8], 0.1f);
   EXPECT_EQ((*more->alternative)[7], 0);
   EXPECT_EQ(more->functional_map->fmap_x_from_y(0, 1), 2);
+  EXPECT_THAT(more->matched_y,
+              testing::Optional(testing::ElementsAre(1, 0, 1, 1)));
 }
 
 TEST_F(IsomatchClientTest, APartThatTheResultLacksIsLeftOut) {

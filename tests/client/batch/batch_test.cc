@@ -292,6 +292,20 @@ TEST_F(BatchTest, PartsAreWrittenOnDemandAndKeptWithThePair) {
   EXPECT_THAT(States(Batch({list_, "--json"})), ElementsAre("kept", "kept"));
 }
 
+TEST_F(BatchTest, OfPartsTheMaskIsWrittenToo) {
+  on_found_ = FindEverything;
+  const std::string list = folder_.Write("one.txt", "a.off b.off\n");
+  ASSERT_EQ(Batch({list}).status, kExitSuccess);
+  EXPECT_FALSE(fs::exists(Out("a__b.mask_y.txt")));
+  const std::vector<std::string> overlap = {list, "--json", "--relation",
+                                            "overlap"};
+  EXPECT_THAT(States(Batch(overlap)), ElementsAre("done"));
+  EXPECT_EQ(*ReadFile(Out("a__b.mask_y.txt"), "a mask"), "1\n0\n1\n1\n");
+  EXPECT_THAT(States(Batch(overlap)), ElementsAre("kept"));
+  ASSERT_THAT(WriteFileAtomically(Out("a__b.mask_y.txt"), "0\n"), IsOk());
+  EXPECT_THAT(States(Batch(overlap)), ElementsAre("done"));
+}
+
 TEST_F(BatchTest, PathsMayHaveBlanks) {
   ASSERT_THAT(WriteMesh(folder_.Path("my scan #2.off"), Tetrahedron()), IsOk());
   ASSERT_THAT(WriteMesh(folder_.Path("my cat.off"), Tetrahedron()), IsOk());

@@ -133,6 +133,10 @@ TEST_F(IsomatchCTest, TellsAllThatTheCoreFinds) {
   const float* const confidence = isomatch_result_confidence(result);
   EXPECT_THAT(std::vector(confidence, confidence + n),
               ElementsAreArray(found->confidence));
+  const std::int64_t m = isomatch_result_num_vertices_y(result);
+  ASSERT_EQ(m, y_.num_vertices());
+  const std::uint8_t* const mask = isomatch_result_mask_y(result);
+  EXPECT_THAT(std::vector(mask, mask + m), ElementsAreArray(found->matched_y));
   for (std::size_t v = 0; v < n; ++v) {
     for (std::size_t i = 0; i < 3; ++i) {
       EXPECT_EQ(isomatch_result_precise_vertices(result)[3 * v + i],

@@ -91,12 +91,14 @@ TEST_F(MatchOutputsTest, EachFileHoldsWhatTheServerFound) {
   on_found_ = FindEverything;
   const CommandOutcome outcome =
       Match({"--precise", Path("p"), "--confidence", Path("c"), "--alternative",
-             Path("a"), "--functional-map", Path("f"), "--report", Path("r")});
+             Path("a"), "--functional-map", Path("f"), "--mask-y", Path("m"),
+             "--report", Path("r")});
   ASSERT_EQ(outcome.status, kExitSuccess) << outcome.err;
   EXPECT_EQ((*ReadMap(Path("map"), 4))[7], 3);
   EXPECT_EQ((*ReadMap(Path("a"), 4))[7], 0);
   EXPECT_EQ(Lines("c").size(), 42);
   EXPECT_EQ(Lines("c")[8], std::vector<double>{0.1});
+  EXPECT_EQ(*ReadFile(Path("m"), "a mask"), "1\n0\n1\n1\n");
   EXPECT_EQ(Json("f")["matrix"], json::parse("[[1.0, 2.0], [3.0, 4.0]]"));
   // Vertex 6 is at the vertices 2, 3, 0 with weights 4/8, 3/8, 1/8.
   const TriangleMesh y = Tetrahedron();
@@ -306,7 +308,7 @@ TEST_F(MatchOutputsTest, ChangedLandmarksAreSaidInOneLine) {
 
 TEST_F(MatchOutputsTest, BadPathsAreRefusedBeforeTheRun) {
   for (const char* option : {"--precise", "--confidence", "--alternative",
-                             "--functional-map", "--report"}) {
+                             "--functional-map", "--mask-y", "--report"}) {
     const CommandOutcome lost = Match({option, Path("no/file")});
     EXPECT_EQ(lost.status, kExitUsage) << option;
     EXPECT_THAT(lost.err, HasSubstr("there is no folder")) << option;
@@ -332,7 +334,7 @@ TEST_F(MatchOutputsTest, ThePlacesOfTheRealMethodAreNearItsMap) {
   const CommandOutcome outcome =
       MatchEmbedded(BumpySphere(3), mesh_y,
                     {"--precise", Path("p"), "--confidence", Path("c"),
-                     "--functional-map", Path("f")});
+                     "--functional-map", Path("f"), "--mask-y", Path("m")});
   ASSERT_EQ(outcome.status, kExitSuccess) << outcome.err;
   double longest_edge = 0;
   for (VertexIndex f = 0; f < mesh_y.num_faces(); ++f) {
@@ -363,6 +365,8 @@ TEST_F(MatchOutputsTest, ThePlacesOfTheRealMethodAreNearItsMap) {
     ASSERT_EQ(line.size(), 1);
     EXPECT_TRUE(0 <= line[0] && line[0] <= 1) << line[0];
   }
+  EXPECT_EQ(Lines("m"), std::vector<std::vector<double>>(
+                            std::size_t(mesh_y.num_vertices()), {1}));
   EXPECT_EQ(Json("f")["matrix"].size(), Json("f")["eigenvalues_y"].size());
   EXPECT_GT(Json("f")["matrix"].size(), 1);
 }

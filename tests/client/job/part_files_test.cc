@@ -87,6 +87,10 @@ TEST(PartFilesTest, ConfidenceIsOneNumberALine) {
   EXPECT_EQ(FormatConfidence(std::vector<float>{1, 0.1f, 0}), "1\n0.1\n0\n");
 }
 
+TEST(PartFilesTest, AMaskIsOneOrZeroALine) {
+  EXPECT_EQ(FormatMask(std::vector<char>{1, 0, 1}), "1\n0\n1\n");
+}
+
 TEST(PartFilesTest, AFunctionalMapIsJsonByRows) {
   FunctionalMap map;
   map.eigenvalues_x = Eigen::Vector2d(0, 0.1);

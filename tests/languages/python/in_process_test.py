@@ -59,6 +59,7 @@ result = isomatch.match({str(x)!r}, (vertices, [tuple(face) for face in faces]),
                         landmarks=[(7, {support.truth()[7]})])
 assert type(vertices) is type(vertices[0]) is list
 assert all(result.matched) and len(result.precise.weights[0]) == 3
+assert result.matched_y == [True] * 900
 assert len(result.functional_map(4).fmap_x_from_y[3]) == 4
 heights = result.transfer([row[2] for row in vertices]), result.transfer(vertices)
 assert all(abs(h - row[2]) < 1e-12 for h, row in zip(*heights))

@@ -113,13 +113,16 @@ class MatchTest:
 
     def test_parts_come_when_asked_for(self):
         bare = self.match(
-            *support.pair(), confidence=False, precise=False, functional_map=False
-        )
+            *support.pair(),
+            confidence=False, precise=False, functional_map=False, matched_y=False,
+        )  # fmt: skip
         self.assertIsNone(bare.confidence)
         self.assertIsNone(bare.precise)
+        self.assertIsNone(bare.matched_y)
         with self.assertRaises(isomatch.FailedPrecondition):
             bare.functional_map()
         full = self.match(*support.pair())
+        self.assertIn("mask y", full.info.parts)
         self.assertEqual(full.confidence.shape, (1000,))
         self.assertTrue(((full.confidence >= 0) & (full.confidence <= 1)).all())
         np.testing.assert_allclose(full.precise.weights.sum(axis=1), 1, atol=1e-5)
@@ -133,6 +136,14 @@ class MatchTest:
         for wrong in (0, k + 1):
             with self.assertRaisesRegex(isomatch.InvalidInput, f"k: is {wrong}, expected an integer, 1 to"):
                 full.functional_map(wrong)
+
+    def test_which_vertices_of_y_have_a_counterpart_is_told(self):
+        x, y = support.pair()
+        places, faces = isomatch.read_mesh(y)
+        with_stray = np.vstack([[[9, 9, 9]], places])  # on no face
+        matched = self.match(x, (with_stray, faces + 1)).matched_y
+        self.assertEqual(matched.dtype, np.bool_)
+        np.testing.assert_array_equal(matched, np.arange(len(with_stray)) > 0)
 
     def test_values_are_carried_from_y_to_x(self):
         x, y = support.pair()
@@ -233,6 +244,8 @@ class DamagedResultTest(unittest.TestCase):
             (parts.decode_precise, b"\6" * 48, "expected less than 6"),
             (parts.decode_confidence, b"\0" * 12, "12 bytes"),
             (parts.decode_functional_map, b"\2\0\0\0", "4 bytes"),
+            (parts.decode_mask_y, b"\1" * 7, "7 bytes, expected 6 bytes"),
+            (parts.decode_mask_y, b"\0\1\0\1\2\1", "a byte 2, expected 0 or 1"),
         ):
             with self.assertRaisesRegex(isomatch.DataLoss, said):
                 decode(data, 2, 6)
