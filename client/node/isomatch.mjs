@@ -273,7 +273,7 @@ export function verdictText(verdict) {
       (advice ? `: ${advice}` : '');
 }
 
-/** For each vertex of X its vertex of Y, or -1 for one on no face. */
+/** For each vertex of X its vertex of Y, or -1 for one without a counterpart. */
 export function decodeMap(bytes) {
   return Array.from({length: bytes.length / 4}, (_, i) => bytes.readInt32LE(4 * i));
 }

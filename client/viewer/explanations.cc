@@ -34,20 +34,21 @@ constexpr LabelText kExplanations[] = {
      "none, 0.1 about a tenth."},
     {"coverage of Y's area",
      "The part of Y's surface that X is mapped onto. Little of it is missed "
-     "where both are whole; less is right where X is a part of Y."},
+     "where both are whole; less is right where X lacks a part of Y."},
     {"embedding error",
      "How far the eigenfunctions of both shapes disagree under the map (Eq. 8 "
      "of the paper). 0 is best."},
     {"orientation (-1 to 1)",
      "1: the map keeps left and right, -1: it exchanges them, as a mirror "
      "does. Near 0 it cannot be told."},
-    {"vertices of X on no face",
-     "They belong to no surface, so they have no place on Y."},
+    {"vertices of X without a counterpart",
+     "They are on no face or, where Y is a part of X or both overlap, on what "
+     "Y lacks."},
     {"maps that were not chosen",
      "Other maps, mostly with sides exchanged, that came near and were "
      "rejected."},
     {"vertices of X with an image",
-     "The others are on no face, or the map leaves them out; they are gray."},
+     "The others have no counterpart on Y; they are gray."},
     {"vertices of Y that are images",
      "Vertices of Y that some vertex of X goes to. It is less than all where "
      "Y is finer than X, or where the map piles vertices up."},

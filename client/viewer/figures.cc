@@ -43,7 +43,7 @@ constexpr Field kQuality[] = {
     {"/quality/coverage", "coverage of Y's area", Percent},
     {"/embedding_error", "embedding error", Plain},
     {"/orientation_score", "orientation (-1 to 1)", Plain},
-    {"/unmatched", "vertices of X on no face", Plain},
+    {"/unmatched", "vertices of X without a counterpart", Plain},
 };
 
 constexpr Field kMemory[] = {
