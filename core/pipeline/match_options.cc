@@ -116,6 +116,7 @@ template <typename Values, typename Value>
 std::vector<std::string> NamesOf(const Values& values,
                                  const char* (*name_of)(Value)) {
   std::vector<std::string> names;
+  names.reserve(values.size());
   for (const Value value : values) names.emplace_back(name_of(value));
   return names;
 }

@@ -37,6 +37,7 @@ std::vector<PrecisePoint> ToUserPoints(const WorkingMesh& x,
 
 std::vector<char> MatchedY(const WorkingMesh& y) {
   std::vector<char> matched;
+  matched.reserve(y.working_from_user.size());
   for (const VertexIndex v : y.working_from_user) {
     matched.push_back(v == kNoVertex ? 0 : 1);
   }
