@@ -33,15 +33,22 @@ or one bare y for each vertex of X, or is a map in a .npy or .json file. With
 y_mirrored, the error against the mirrored truth is given too: a map that is
 good there only swaps left and right.
 
+-1 in MAP or GT stands for no counterpart. Where there is one, the IoU of the
+overlap is told, too: the vertices of X that MAP matches and that have a
+counterpart by GT, by those of which either is true. Vertices of X that GT does
+not name count in neither. With --mesh-x vertices weigh by their area.
+
 Examples:
   isomatch evaluate Y.off map.txt truth.txt
   isomatch evaluate Y.off places.txt truth.txt
-  isomatch evaluate Y.off map.npy truth.txt --json)";
+  isomatch evaluate Y.off map.npy truth.txt --json
+  isomatch evaluate Y.off map.txt truth.txt --mesh-x part.off)";
 
 struct EvaluateArguments {
   std::string y;
   std::string map;
   std::string truth;
+  std::string mesh_x;
   std::string weld;
   bool json = false;
 };
@@ -49,23 +56,33 @@ struct EvaluateArguments {
 struct Measured {
   MapErrors errors;
   bool is_precise = false;
+  /// The IoU is by area, not by number of vertices.
+  bool by_area = false;
 };
 
 absl::StatusOr<Measured> Measure(const EvaluateArguments& arguments,
                                  const std::stop_token& stop) {
   ISOMATCH_ASSIGN_OR_RETURN(const LoadedMesh y,
                             LoadMeshFile(arguments.y, "Y", arguments.weld));
+  std::optional<LoadedMesh> x;
+  std::optional<VertexIndex> vertices_x;
+  if (!arguments.mesh_x.empty()) {
+    ISOMATCH_ASSIGN_OR_RETURN(
+        x, LoadMeshFile(arguments.mesh_x, "--mesh-x", arguments.weld));
+    vertices_x = x->mesh.num_vertices();
+  }
   ISOMATCH_ASSIGN_OR_RETURN(
       const PlacesOnY places,
-      ReadPlaces(arguments.map, /*vertices_x=*/std::nullopt,
-                 y.WithFileFaces()));
+      ReadPlaces(arguments.map, vertices_x, y.WithFileFaces()));
   const VertexMap vertices = places.HeaviestVertices();
   Measured measured;
   measured.is_precise = places.is_precise;
+  measured.by_area = x.has_value();
   ISOMATCH_ASSIGN_OR_RETURN(
       measured.errors,
-      MeasureAgainstTruth({vertices, places.on_faces, &y.file_faces}, y.mesh,
-                          arguments.truth, stop));
+      MeasureAgainstTruth(
+          {vertices, places.on_faces, &y.file_faces, x ? &x->mesh : nullptr},
+          y.mesh, arguments.truth, stop));
   return measured;
 }
 
@@ -84,10 +101,12 @@ nlohmann::ordered_json ErrorJson(const GeodesicError& error) {
 }
 
 std::string FormatJson(const Measured& measured) {
-  const auto& [errors, is_precise] = measured;
+  const auto& [errors, is_precise, by_area] = measured;
   nlohmann::ordered_json json = {{"diameter", errors.direct.diameter},
                                  {"sqrt_area", errors.direct.sqrt_area},
                                  {"precise", is_precise},
+                                 {"iou", errors.iou.value_or(1)},
+                                 {"iou_weights", by_area ? "area" : "vertices"},
                                  {"direct", ErrorJson(errors.direct)}};
   if (errors.mirrored) json["mirrored"] = ErrorJson(*errors.mirrored);
   constexpr int kIndent = 2;
@@ -109,6 +128,11 @@ std::string FormatText(const std::string& name, const GeodesicError& error) {
   return text;
 }
 
+std::string FormatIou(double iou, bool by_area) {
+  return absl::StrFormat("IoU of the overlap, by %s %.5f\n",
+                         by_area ? "area of X" : "number of vertices", iou);
+}
+
 absl::Status RunEvaluate(const EvaluateArguments& arguments,
                          const Terminal& terminal) {
   ISOMATCH_ASSIGN_OR_RETURN(const Measured measured,
@@ -117,6 +141,7 @@ absl::Status RunEvaluate(const EvaluateArguments& arguments,
   const MapErrors& errors = measured.errors;
   std::string text = FormatText("direct", errors.direct);
   if (errors.mirrored) text += FormatText("mirrored", *errors.mirrored);
+  if (errors.iou) text += FormatIou(*errors.iou, measured.by_area);
   return Print(text, terminal);
 }
 
@@ -136,6 +161,10 @@ Command AddEvaluateCommand(CLI::App& app) {
       ->type_name(kFile);
   command->add_option("GT", arguments->truth, "Ground truth")
       ->required()
+      ->type_name(kFile);
+  command
+      ->add_option("--mesh-x", arguments->mesh_x,
+                   "Mesh that MAP is of, whose areas weigh the IoU")
       ->type_name(kFile);
   AddWeldOption(command, &arguments->weld);
   command->add_flag("--json", arguments->json, "Print JSON instead of text");

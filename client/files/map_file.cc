@@ -109,7 +109,8 @@ absl::StatusOr<GroundTruth> TruthFromPairs(const std::string& path,
                                            std::int64_t vertices_y) {
   const std::size_t columns = lines.front().numbers.size();
   const VertexMap none(static_cast<std::size_t>(vertices_x), kNoVertex);
-  GroundTruth truth{none, columns == 3 ? none : VertexMap{}};
+  GroundTruth truth{none, columns == 3 ? none : VertexMap{},
+                    std::vector<bool>(none.size())};
   for (const NumberLine& line : lines) {
     ISOMATCH_RETURN_IF_ERROR(CheckColumns(
         path, line, columns, columns == 3 ? "x y y_mirrored" : "x y"));
@@ -118,6 +119,7 @@ absl::StatusOr<GroundTruth> TruthFromPairs(const std::string& path,
         CheckVertex(path, line, 1, {"y", kNoVertex, vertices_y}));
     const auto x = static_cast<std::size_t>(line.numbers[0]);
     truth.direct[x] = static_cast<VertexIndex>(line.numbers[1]);
+    truth.named[x] = true;
     if (columns < 3) continue;
     ISOMATCH_RETURN_IF_ERROR(
         CheckVertex(path, line, 2, {"y_mirrored", kNoVertex, vertices_y}));

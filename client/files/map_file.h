@@ -58,17 +58,21 @@ absl::StatusOr<std::vector<VertexMatch>> ReadLandmarks(const std::string& path,
                                                        std::int64_t vertices_x,
                                                        std::int64_t vertices_y);
 
-/// The truth about a pair. `mirrored` is empty, or as long as `direct`: where
-/// the truth lies after a left-right reflection.
+/// The truth about a pair.
 struct GroundTruth {
+  /// kNoVertex for vertices of X that have no counterpart, or are not named.
   VertexMap direct;
+  /// Where the truth lies after a left-right reflection; as long as `direct`,
+  /// or empty.
   VertexMap mirrored;
+  /// Which vertices of X the truth says something about; empty: all.
+  std::vector<bool> named = {};
 };
 
 /// Returns the truth for `vertices_x` vertices of X. Either every line is `x y`
-/// or `x y y_mirrored`, in any order (vertices of X without a line have no
-/// truth), or every line is a bare y, -1 for none, line i for vertex i. A .npy
-/// or .json file is a map of all vertices of X.
+/// or `x y y_mirrored`, in any order (vertices of X without a line are not
+/// named), or every line is a bare y, line i for vertex i. A .npy or .json file
+/// is a map of all vertices of X. -1 stands for no counterpart.
 ///
 /// INVALID_ARGUMENT, naming file and line, for anything else; NOT_FOUND.
 absl::StatusOr<GroundTruth> ReadGroundTruth(const std::string& path,

@@ -1,9 +1,11 @@
 #include "client/job/map_errors.h"
 
 #include <cstdint>
+#include <vector>
 
 #include "client/files/map_file.h"
 #include "core/base/status_macros.h"
+#include "core/evaluation/overlap_iou.h"
 
 namespace isomatch {
 
@@ -26,6 +28,10 @@ absl::StatusOr<MapErrors> MeasureAgainstTruth(const FoundMap& found,
   if (!known.mirrored.empty()) {
     ISOMATCH_ASSIGN_OR_RETURN(errors.mirrored, measure(known.mirrored));
   }
+  const std::vector<double> weights =
+      found.mesh_x == nullptr ? std::vector<double>(found.vertices.size(), 1)
+                              : VertexAreas(*found.mesh_x);
+  errors.iou = OverlapIou(found.vertices, known.direct, known.named, weights);
   return errors;
 }
 

@@ -22,6 +22,9 @@ struct FoundMap {
   absl::Span<const SurfacePoint> places = {};
   /// The faces of Y's file.
   const Faces* faces = nullptr;
+  /// X, of as many vertices, whose areas weigh MapErrors::iou; without it each
+  /// vertex weighs the same.
+  const TriangleMesh* mesh_x = nullptr;
 };
 
 /// How far a map is from the truth, and from its mirror image where the truth
@@ -29,6 +32,8 @@ struct FoundMap {
 struct MapErrors {
   GeodesicError direct;
   std::optional<GeodesicError> mirrored;
+  /// Of the part of X that has a counterpart, as OverlapIou.
+  std::optional<double> iou = {};
 };
 
 /// Measures a map into `mesh_y` against the file `truth`. Errors as

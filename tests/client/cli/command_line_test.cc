@@ -375,6 +375,43 @@ TEST_F(CommandLineTest, TruthHasNoError) {
                                  HasSubstr("100.00 %")));
 }
 
+TEST_F(CommandLineTest, EvaluateTellsHowWellAnOverlapIsFound) {
+  const std::string x = folder_.Write(
+      "x.off", "OFF\n4 2 0\n0 0 0\n6 0 0\n0 1 0\n-1 0 0\n3 0 1 2\n3 0 2 3\n");
+  MakePair(300, 300);
+  const auto evaluate = [&](const std::string& map, const std::string& truth,
+                            const std::vector<std::string>& options) {
+    std::vector<std::string> arguments = {"evaluate", b_,
+                                          folder_.Write("m.txt", map),
+                                          folder_.Write("t.txt", truth)};
+    arguments.insert(arguments.end(), options.begin(), options.end());
+    const CommandOutcome outcome = Run(arguments);
+    EXPECT_EQ(outcome.status, kExitSuccess) << outcome.err;
+    return outcome.out;
+  };
+  // Areas are 7, 6, 7 and 1 sixths; both have 0 and 2.
+  const std::string map = "5\n5\n5\n-1\n";
+  const std::string truth = "0 5\n1 -1\n2 5\n3 5\n";
+  EXPECT_THAT(evaluate(map, truth, {}),
+              AllOf(HasSubstr("direct: 3 vertices compared, 1 without a match"),
+                    HasSubstr("IoU of the overlap, by number of vertices "
+                              "0.50000\n")));
+  EXPECT_THAT(evaluate(map, truth, {"--mesh-x", x}),
+              HasSubstr("IoU of the overlap, by area of X 0.66667\n"));
+  // What the truth does not name counts in neither.
+  EXPECT_THAT(evaluate(map, "0 5\n2 5\n3 5\n", {}), HasSubstr(" 0.66667\n"));
+  EXPECT_THAT(evaluate(map, "0 5\n2 5\n", {}), Not(HasSubstr("IoU")));
+  const auto json =
+      nlohmann::json::parse(evaluate(map, truth, {"--json", "--mesh-x", x}));
+  EXPECT_NEAR(json["iou"].get<double>(), 14.0 / 21, 1e-12);
+  EXPECT_EQ(json["iou_weights"], "area");
+  EXPECT_EQ(nlohmann::json::parse(evaluate(map, "0 5\n", {"--json"}))["iou"],
+            1);
+  ExpectUsageError({"evaluate", b_, folder_.Write("m.txt", "5\n"),
+                    folder_.Path("t.txt"), "--mesh-x", x},
+                   "1 entries, expected 4, one for each vertex of X");
+}
+
 TEST_F(CommandLineTest, InterruptedMatchExitsWith130AndWritesNothing) {
   MakePair(3000, 3000);
   stop_.request_stop();

@@ -12,6 +12,7 @@ namespace {
 
 using testing::ElementsAre;
 using testing::HasSubstr;
+using testing::IsEmpty;
 
 class MapFileTest : public testing::Test {
  protected:
@@ -169,6 +170,15 @@ TEST_F(MapFileTest, TruthHasThreeForms) {
   ASSERT_THAT(mirrored, IsOk());
   EXPECT_THAT(mirrored->direct, ElementsAre(1, -1, 3));
   EXPECT_THAT(mirrored->mirrored, ElementsAre(2, -1, 4));
+}
+
+TEST_F(MapFileTest, ATruthKeepsNoCounterpartApartFromNotNamed) {
+  const absl::StatusOr<GroundTruth> truth = Truth("2 3\n0 -1\n");
+  ASSERT_THAT(truth, IsOk());
+  EXPECT_THAT(truth->direct, ElementsAre(-1, -1, 3));
+  EXPECT_THAT(truth->named, ElementsAre(true, false, true));
+  EXPECT_THAT(Truth("1\n-1\n4\n")->named, IsEmpty());
+  EXPECT_THAT(Truth("0 -2\n"), Refused("line 1: y is -2, expected -1 to 4"));
 }
 
 TEST_F(MapFileTest, WrongTruthSaysWhatWasExpected) {
