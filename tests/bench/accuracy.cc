@@ -6,6 +6,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "absl/strings/str_format.h"
 #include "client/files/text_file.h"
 #include "core/base/status_macros.h"
 
@@ -15,14 +16,15 @@ namespace {
 void PrintPair(const PairResult& result) {
   std::printf(
       "%-24s %-24s %7d %7d %8.4f %8.4f  %-8s %7.2f  %+.2f  %.5f  %.2f  "
-      "%s\n",
+      "%-8s  %s\n",
       result.name_x.c_str(), result.name_y.c_str(), result.vertices_x,
       result.vertices_y, result.direct(), result.best(),
       result.failed()     ? (result.mirrored() ? "MIRRORED" : "FAILED")
       : result.mirrored() ? "mirrored"
                           : "ok",
       result.seconds, result.orientation_score, result.embedding_error,
-      result.symmetry_confidence, VerdictName(result.verdict.level));
+      result.symmetry_confidence, VerdictName(result.verdict.level),
+      result.iou ? absl::StrFormat("%.3f", *result.iou).c_str() : "-");
   std::fflush(stdout);
 }
 
@@ -39,6 +41,9 @@ void PrintSummary(const std::vector<PairResult>& results) {
       results.size(), summary.direct_mean, summary.direct_median,
       summary.best_mean, summary.best_median, summary.mirrored, summary.failed,
       kFailed, summary.seconds_mean);
+  if (!summary.iou_mean) return;
+  std::printf("IoU of the overlap: mean %.4f median %.4f\n", *summary.iou_mean,
+              summary.iou_median);
 }
 
 void PrintConfidence(const std::vector<PairResult>& results) {
@@ -95,6 +100,7 @@ nlohmann::json ToJson(const PairResult& result) {
           {"orientation_score", result.orientation_score},
           {"symmetry_confidence", result.symmetry_confidence},
           {"verdict", VerdictName(result.verdict.level)},
+          {"iou", result.iou.value_or(1)},
           {"stages", std::move(stages)}};
 }
 
@@ -114,6 +120,8 @@ nlohmann::json ToJson(const std::vector<PairResult>& results,
           {"mirrored", summary.mirrored},
           {"failed", summary.failed},
           {"seconds_mean", summary.seconds_mean},
+          {"iou_mean", summary.iou_mean.value_or(1)},
+          {"iou_median", summary.iou_median},
           {"confidence",
            {{"fractions", curve.kFractions},
             {"held", curve.held},
@@ -133,9 +141,9 @@ absl::Status RunAccuracy(const PairSelection& pairs,
       "diameter of Y\n",
       ProfileName(options.profile),
       static_cast<unsigned long long>(options.random_seed));
-  std::printf("%-24s %-24s %7s %7s %8s %8s  %-8s %7s  %s  %s  %s  %s\n", "X",
-              "Y", "n_X", "n_Y", "direct", "best", "truth", "seconds", "orient",
-              "Eq. 8", "symmetry", "verdict");
+  std::printf("%-24s %-24s %7s %7s %8s %8s  %-8s %7s  %s  %s  %s  %-8s  %s\n",
+              "X", "Y", "n_X", "n_Y", "direct", "best", "truth", "seconds",
+              "orient", "Eq. 8", "symmetry", "verdict", "IoU");
   ISOMATCH_ASSIGN_OR_RETURN(const std::vector<PairResult> results,
                             RunPairs(pairs, options, PrintPair));
   PrintConfidence(results);

@@ -9,7 +9,8 @@
 namespace isomatch::bench {
 
 /// Matches every pair of a set and prints errors / diameter by pair, by stage
-/// and in total; the same as JSON to `out_path` unless that is empty.
+/// and in total; the same as JSON to `out_path` unless that is empty. Where a
+/// map or a truth leaves vertices of X out, the IoU of the overlap, too.
 absl::Status RunAccuracy(const PairSelection& pairs,
                          const MatchOptions& options,
                          const std::string& out_path);

@@ -6,6 +6,7 @@
 
 #include "core/base/status_macros.h"
 #include "core/evaluation/geodesic_error.h"
+#include "core/evaluation/overlap_iou.h"
 #include "core/io/draco_mesh.h"
 #include "core/pipeline/correspondence.h"
 #include "core/pipeline/matcher.h"
@@ -14,16 +15,31 @@
 namespace isomatch::bench {
 namespace {
 
+/// As the meter's, but a map that matches no vertex with a truth is as wrong as
+/// can be.
+absl::StatusOr<GeodesicError> Measure(const GeodesicErrorMeter& meter,
+                                      const VertexMap& found,
+                                      const VertexMap& truth) {
+  bool meets = false;
+  for (std::size_t x = 0; x < truth.size() && x < found.size(); ++x) {
+    meets = meets || (found[x] != kNoVertex && truth[x] != kNoVertex);
+  }
+  if (meets) return meter.Measure(found, truth);
+  GeodesicError error;
+  error.mean_over_diameter = error.max_over_diameter = 1;
+  return error;
+}
+
 absl::StatusOr<StageError> ErrorOf(const GeodesicErrorMeter& meter,
                                    const GroundTruth& truth,
                                    const StageMap& map) {
   StageError result = {map.stage};
   ISOMATCH_ASSIGN_OR_RETURN(const GeodesicError direct,
-                            meter.Measure(map.y_from_x, truth.direct));
+                            Measure(meter, map.y_from_x, truth.direct));
   result.direct = result.best = direct.mean_over_diameter;
   if (truth.mirrored.empty()) return result;
   ISOMATCH_ASSIGN_OR_RETURN(const GeodesicError mirrored,
-                            meter.Measure(map.y_from_x, truth.mirrored));
+                            Measure(meter, map.y_from_x, truth.mirrored));
   result.best = std::min(result.best, mirrored.mean_over_diameter);
   return result;
 }
@@ -67,11 +83,13 @@ absl::StatusOr<PairResult> RunPair(const MeshPair& pair, int true_landmarks,
     result.stages.push_back(error);
   }
   ISOMATCH_ASSIGN_OR_RETURN(const GeodesicError final_error,
-                            meter.Measure(found.y_from_x, pair.truth.direct));
+                            Measure(meter, found.y_from_x, pair.truth.direct));
   for (std::size_t x = 0; x < final_error.of_vertex.size(); ++x) {
     if (final_error.of_vertex[x] < 0) continue;
     result.rated.push_back({found.confidence[x], final_error.of_vertex[x]});
   }
+  result.iou = OverlapIou(found.y_from_x, pair.truth.direct, pair.truth.named,
+                          VertexAreas(pair.mesh_x));
   return result;
 }
 
@@ -122,11 +140,15 @@ Summary Summarize(const std::vector<PairResult>& results) {
   std::vector<double> direct;
   std::vector<double> best;
   std::vector<double> seconds;
+  std::vector<double> ious;
+  bool is_partial = false;
   Summary summary;
   for (const PairResult& result : results) {
     direct.push_back(result.direct());
     best.push_back(result.best());
     seconds.push_back(result.seconds);
+    ious.push_back(result.iou.value_or(1));
+    is_partial = is_partial || result.iou.has_value();
     summary.mirrored += result.mirrored();
     summary.failed += result.failed();
   }
@@ -135,6 +157,8 @@ Summary Summarize(const std::vector<PairResult>& results) {
   summary.best_mean = Mean(best);
   summary.best_median = MedianOf(best);
   summary.seconds_mean = Mean(seconds);
+  if (is_partial) summary.iou_mean = Mean(ious);
+  summary.iou_median = MedianOf(ious);
   return summary;
 }
 

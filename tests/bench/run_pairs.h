@@ -1,6 +1,7 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -13,7 +14,8 @@
 
 namespace isomatch::bench {
 
-/// A map with a larger mean direct error / diameter has failed.
+/// A map with a larger mean direct error / diameter has failed. One that
+/// matches no vertex that has a counterpart has an error of 1.
 inline constexpr double kFailed = 0.1;
 
 /// Mean errors / diameter of the map after one stage. `best` is the better of
@@ -42,7 +44,9 @@ struct PairResult {
   double orientation_score = 0;
   double symmetry_confidence = 0;
   Verdict verdict;
-  std::vector<RatedVertex> rated;  ///< vertices with a truth
+  std::vector<RatedVertex> rated;  ///< vertices with a truth and an image
+  /// Of the part of X that has a counterpart, as OverlapIou, by area.
+  std::optional<double> iou = {};
 
   double direct() const { return stages.back().direct; }
   double best() const { return stages.back().best; }
@@ -74,6 +78,9 @@ struct Summary {
   int mirrored = 0;
   int failed = 0;
   double seconds_mean = 0;
+  /// Not set when no pair has one; pairs without count as 1.
+  std::optional<double> iou_mean = {};
+  double iou_median = 1;
 };
 Summary Summarize(const std::vector<PairResult>& results);
 
