@@ -79,6 +79,25 @@ std::string FormatMask(absl::Span<const char> matched_y) {
   return text;
 }
 
+absl::StatusOr<std::vector<std::uint8_t>> ReadMaskY(const std::string& path,
+                                                    std::int64_t vertices_y) {
+  ISOMATCH_ASSIGN_OR_RETURN(const InputFile file,
+                            ReadInput(path, "a mask: 0 or 1 a line"));
+  std::vector<std::uint8_t> mask;
+  for (LineCursor rows = {file.bytes}; rows.Next();) {
+    if (rows.line != "0" && rows.line != "1") {
+      return LineError(
+          path, rows.number,
+          absl::StrCat("found ", Quoted(rows.line), ", expected 0 or 1"));
+    }
+    mask.push_back(rows.line == "1" ? 1 : 0);
+  }
+  if (static_cast<std::int64_t>(mask.size()) == vertices_y) return mask;
+  return absl::InvalidArgumentError(
+      absl::StrCat("'", path, "': ", mask.size(), " lines, expected ",
+                   vertices_y, ", one for each vertex of Y"));
+}
+
 std::string FormatFunctionalMap(const FunctionalMap& map) {
   Json rows = Json::array();
   for (Eigen::Index row = 0; row < map.fmap_x_from_y.rows(); ++row) {

@@ -32,6 +32,10 @@ absl::StatusOr<std::vector<float>> ReadConfidence(const std::string& path,
 
 /// 1 or 0 a line.
 std::string FormatMask(absl::Span<const char> matched_y);
+/// Returns the numbers of a --mask-y file: 1 for a vertex of Y that has a
+/// counterpart, 0 for one that has none. Lines and errors as ReadConfidence.
+absl::StatusOr<std::vector<std::uint8_t>> ReadMaskY(const std::string& path,
+                                                    std::int64_t vertices_y);
 
 /// JSON: `eigenvalues_x`, `eigenvalues_y`, `matrix` as an array of rows.
 std::string FormatFunctionalMap(const FunctionalMap& map);

@@ -8,12 +8,15 @@
 #include <nlohmann/json.hpp>
 
 #include "client/files/face_finder.h"
+#include "tests/support/matchers.h"
 #include "tests/support/shapes.h"
+#include "tests/support/temporary_folder.h"
 
 namespace isomatch {
 namespace {
 
 using testing::ElementsAre;
+using testing::HasSubstr;
 
 /// Two triangles on both sides of a seam: vertices 3 and 4 lie where 1 and 2
 /// do, as far as single precision tells.
@@ -89,6 +92,21 @@ TEST(PartFilesTest, ConfidenceIsOneNumberALine) {
 
 TEST(PartFilesTest, AMaskIsOneOrZeroALine) {
   EXPECT_EQ(FormatMask(std::vector<char>{1, 0, 1}), "1\n0\n1\n");
+}
+
+TEST(PartFilesTest, AMaskIsZeroOrOneALine) {
+  const TemporaryFolder folder;
+  EXPECT_THAT(*ReadMaskY(folder.Write("m", "1\n0\r\n\n# rim\n1\n"), 3),
+              ElementsAre(1, 0, 1));
+  const auto refused = [&](const std::string& text, const std::string& why) {
+    EXPECT_THAT(ReadMaskY(folder.Write("m", text), 3),
+                StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr(why)));
+  };
+  refused("1\n0\n", "2 lines, expected 3, one for each vertex of Y");
+  refused("1\n2\n0\n", "line 2: found '2', expected 0 or 1");
+  refused("1\n0 1\n0\n", "line 2: found '0 1', expected 0 or 1");
+  EXPECT_THAT(ReadMaskY(folder.Path("none"), 3),
+              StatusIs(absl::StatusCode::kNotFound, HasSubstr("none")));
 }
 
 TEST(PartFilesTest, AFunctionalMapIsJsonByRows) {
