@@ -33,7 +33,7 @@ constexpr char kViewFooter[] = R"(
 The page is one HTML file that asks nothing of the network: both shapes in 3D
 with linked cameras. Y is colored by place, and each vertex of X has the color
 of its image, so that a good map looks the same on both sides and a mirrored or
-torn one does not. With a --precise file the images lie between the vertices of
+torn one does not. Gray: no counterpart (-1 in MAP, 0 in --mask-y). With a --precise file the images lie between the vertices of
 Y, and the colors are not jagged. Other layers are the distortion, the confidence of
 `isomatch match --confidence` and the error against a ground truth; pointing at a
 vertex shows its partners.
@@ -121,6 +121,7 @@ absl::Status CheckInputs(const ViewArguments& arguments) {
   for (const auto& [option, is_given] :
        {std::pair("--png", !arguments.picture.empty()),
         std::pair("--confidence", !files.confidence.empty()),
+        std::pair("--mask-y", !files.mask_y.empty()),
         std::pair("--truth", !files.truth.empty()),
         std::pair("--report", !files.report.empty()),
         std::pair("--file-colors", files.file_colors),
@@ -194,15 +195,20 @@ nlohmann::ordered_json Summary(const PairView& view,
           {"figures", figures},           {"warnings", view.warnings}};
 }
 
-/// A picture has no numbers: they are told here.
-absl::Status TellScale(const PairView& view, const ViewArguments& arguments,
-                       const Terminal& terminal) {
-  const ScalarLayer* layer = FindLayer(view, arguments.layer);
-  if (layer == nullptr) return absl::OkStatus();
-  return Print(
-      absl::StrFormat("%s: %s, scale from %.4g to %.4g\n", arguments.picture,
-                      layer->id, layer->low, layer->high),
-      terminal);
+/// A picture has no numbers and words: they are told here.
+absl::Status TellLegend(const PairView& view, const ViewArguments& arguments,
+                        const Terminal& terminal) {
+  std::string text;
+  if (const ScalarLayer* layer = FindLayer(view, arguments.layer)) {
+    text =
+        absl::StrFormat("%s: %s, scale from %.4g to %.4g\n", arguments.picture,
+                        layer->id, layer->low, layer->high);
+  }
+  const std::string gray = GrayText(view);
+  if (!gray.empty() && !view.colors_x) {
+    absl::StrAppend(&text, arguments.picture, ": gray, ", gray, "\n");
+  }
+  return text.empty() ? absl::OkStatus() : Print(text, terminal);
 }
 
 absl::Status WritePage(const PairView& view, const ViewArguments& arguments) {
@@ -231,7 +237,7 @@ absl::Status ViewPair(const ViewArguments& arguments,
   ISOMATCH_RETURN_IF_ERROR(WritePicture(view, options, arguments));
   if (arguments.json) return PrintJson(Summary(view, arguments), terminal);
   return arguments.picture.empty() ? absl::OkStatus()
-                                   : TellScale(view, arguments, terminal);
+                                   : TellLegend(view, arguments, terminal);
 }
 
 absl::Status ViewFolder(const ViewArguments& arguments,
@@ -340,12 +346,15 @@ void AddFiles(CLI::App& command, ViewArguments& arguments) {
   SetGroup(&command, kFilesGroup, {"--output", "--png", "--separate-pages"});
   command.add_option("--confidence", arguments.files.confidence,
                      "Confidence as `match --confidence` writes it");
+  command.add_option("--mask-y", arguments.files.mask_y,
+                     "Which vertices of Y have a counterpart, one 0 or 1 a "
+                     "line; the others are gray");
   command.add_option("--truth", arguments.files.truth,
                      "Ground truth, as `evaluate` reads it");
   command.add_option("--report", arguments.files.report,
                      "Report as `match --report` writes it");
   for (const char* name : {"X", "Y", "MAP", "--output", "--png", "--confidence",
-                           "--truth", "--report"}) {
+                           "--mask-y", "--truth", "--report"}) {
     command.get_option(name)->type_name(kFile);
   }
 }

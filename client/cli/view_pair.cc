@@ -48,10 +48,12 @@ absl::Status AddError(const ViewFiles& files, const Terminal& terminal,
                                      pair.mesh_x.num_vertices(), " vertices"));
   ISOMATCH_ASSIGN_OR_RETURN(
       const MapErrors errors,
-      MeasureAgainstTruth({pair.y_from_x, pair.precise, &pair.mesh_y.faces},
-                          welded_y, files.truth, terminal.stop));
+      MeasureAgainstTruth(
+          {pair.y_from_x, pair.precise, &pair.mesh_y.faces, &pair.mesh_x},
+          welded_y, files.truth, terminal.stop));
   view.layers.push_back(ErrorLayer(pair, errors.direct));
-  view.figures.push_back(ErrorFigures(errors.direct, errors.mirrored));
+  view.figures.push_back(
+      ErrorFigures(errors.direct, errors.mirrored, errors.iou));
   return absl::OkStatus();
 }
 
@@ -112,6 +114,10 @@ absl::StatusOr<PairView> LoadPairView(const ViewFiles& files,
       PlacesOnY places, ReadPlaces(files.map, mesh_x.num_vertices(), mesh_y));
   view.y_from_x = places.HeaviestVertices();
   view.precise = std::move(places.on_faces);
+  if (!files.mask_y.empty()) {
+    ISOMATCH_ASSIGN_OR_RETURN(view.matched_y,
+                              ReadMaskY(files.mask_y, mesh_y.num_vertices()));
+  }
   ISOMATCH_ASSIGN_OR_RETURN(ViewDetails details,
                             ReadDetails(files, mesh_x.num_vertices()));
   ISOMATCH_RETURN_IF_ERROR(AddDetails(std::move(details), view));
@@ -120,7 +126,8 @@ absl::StatusOr<PairView> LoadPairView(const ViewFiles& files,
     ISOMATCH_ASSIGN_OR_RETURN(view.colors_y, FileColors(files.y, "Y", y));
   }
   if (!files.truth.empty()) {
-    const MappedPair pair = {mesh_x, mesh_y, view.y_from_x, view.precise};
+    const MappedPair pair = {mesh_x, mesh_y, view.y_from_x, view.precise,
+                             view.matched_y};
     ISOMATCH_RETURN_IF_ERROR(AddError(files, terminal, pair, y.mesh, view));
   }
   return view;

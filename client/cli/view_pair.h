@@ -18,6 +18,7 @@ struct ViewFiles {
   /// A map or a --precise file.
   std::string map = {};
   std::string confidence = {};
+  std::string mask_y = {};
   std::string truth = {};
   std::string report = {};
   std::string title = {};

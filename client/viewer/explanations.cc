@@ -24,7 +24,8 @@ constexpr LabelText kExplanations[] = {
      "The mean over all vertices of how far each can be trusted. Good maps "
      "have 0.7 or more, bad ones 0.2 or less."},
     {"mean confidence",
-     "The mean over the vertices of X of how far each can be trusted, 0 to 1. "
+     "The mean over the vertices of X with an image of how far each can be "
+     "trusted, 0 to 1. "
      "Good maps have 0.7 or more, bad ones 0.2 or less."},
     {"geodesic distortion / sqrt(area)",
      "How much distances along the surface change from X to Y, on average. 0 "
@@ -48,10 +49,14 @@ constexpr LabelText kExplanations[] = {
      "Other maps, mostly with sides exchanged, that came near and were "
      "rejected."},
     {"vertices of X with an image",
-     "The others have no counterpart on Y; they are gray."},
+     "The others are on no face, or Y has no counterpart of them; they are "
+     "gray."},
     {"vertices of Y that are images",
      "Vertices of Y that some vertex of X goes to. It is less than all where "
      "Y is finer than X, or where the map piles vertices up."},
+    {"vertices of Y with a counterpart",
+     "Those that the mask of the result has; the others, which X has nothing "
+     "for, are gray."},
     {"distortion, mean over vertices of |ln|",
      "How much areas change around vertices: the mean size of ln(area of the "
      "image / area on X), as the layer Distortion shows it."},
@@ -67,6 +72,9 @@ constexpr LabelText kExplanations[] = {
     {"mean against the mirrored truth",
      "The same mean if left and right were exchanged. When this one is the "
      "smaller, the map is mirrored."},
+    {"IoU of the overlap, by area of X",
+     "How well the part of X with an image is the part that truly has a "
+     "counterpart: the area of both by that of either. 1 is best."},
     {"total time", "From the start of the job until its result was there."},
     {"peak memory of the process",
      "The most memory that the process held which matched, whatever else it "

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <functional>
 #include <utility>
 
@@ -245,6 +246,13 @@ FigureTable MapFigures(const PairView& view) {
                          absl::StrCat(matched, " of ", view.y_from_x.size())},
                         {"vertices of Y that are images",
                          absl::StrCat(reached, " of ", is_image.size())}}};
+  if (!view.matched_y.empty()) {
+    const auto have =
+        std::count_if(view.matched_y.begin(), view.matched_y.end(),
+                      [](std::uint8_t has) { return has != 0; });
+    table.rows.emplace_back("vertices of Y with a counterpart",
+                            absl::StrCat(have, " of ", view.matched_y.size()));
+  }
   if (const ScalarLayer* layer = FindLayer(view, "confidence")) {
     table.rows.emplace_back(
         "mean confidence",
@@ -260,7 +268,8 @@ FigureTable MapFigures(const PairView& view) {
 }
 
 FigureTable ErrorFigures(const GeodesicError& error,
-                         const std::optional<GeodesicError>& mirrored) {
+                         const std::optional<GeodesicError>& mirrored,
+                         std::optional<double> iou) {
   FigureTable table = {"Error against the truth",
                        {{"vertices compared", absl::StrCat(error.evaluated)},
                         {"without a match", absl::StrCat(error.unmatched)},
@@ -276,6 +285,10 @@ FigureTable ErrorFigures(const GeodesicError& error,
     table.rows.emplace_back(
         "mean against the mirrored truth",
         absl::StrFormat("%.5f", mirrored->mean_over_diameter));
+  }
+  if (iou) {
+    table.rows.emplace_back("IoU of the overlap, by area of X",
+                            absl::StrFormat("%.5f", *iou));
   }
   return table;
 }

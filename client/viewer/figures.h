@@ -33,8 +33,9 @@ absl::StatusOr<ReportFigures> ParseReport(const std::string& path,
 FigureTable MapFigures(const PairView& view);
 
 /// "Error against the truth"; against the mirrored truth too, where there is
-/// one.
+/// one, and `iou` of the overlap.
 FigureTable ErrorFigures(const GeodesicError& error,
-                         const std::optional<GeodesicError>& mirrored);
+                         const std::optional<GeodesicError>& mirrored,
+                         std::optional<double> iou = {});
 
 }  // namespace isomatch

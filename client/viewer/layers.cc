@@ -33,6 +33,10 @@ double ErrorScale(std::vector<float> errors) {
   return RoundScale(std::max(kLeast, double{*bound}));
 }
 
+std::vector<float> OnY(const ScalarLayer& layer, const MappedPair& pair) {
+  return CarryToY(layer.on_x, pair.y_from_x, pair.mesh_y, pair.matched_y);
+}
+
 }  // namespace
 
 ScalarLayer ConfidenceLayer(const MappedPair& pair,
@@ -42,7 +46,12 @@ ScalarLayer ConfidenceLayer(const MappedPair& pair,
                        .description = "0: do not trust this vertex's image.",
                        .palette = ConfidencePalette(),
                        .on_x = std::move(confidence)};
-  layer.on_y = CarryToY(layer.on_x, pair.y_from_x, pair.mesh_y);
+  for (std::size_t x = 0; x < layer.on_x.size(); ++x) {
+    if (pair.y_from_x[x] == kNoVertex) {
+      layer.on_x[x] = std::numeric_limits<float>::quiet_NaN();
+    }
+  }
+  layer.on_y = OnY(layer, pair);
   return layer;
 }
 
@@ -58,7 +67,7 @@ ScalarLayer ErrorLayer(const MappedPair& pair, const GeodesicError& error) {
     if (value < 0) value = std::numeric_limits<float>::quiet_NaN();
   }
   layer.high = ErrorScale(layer.on_x);
-  layer.on_y = CarryToY(layer.on_x, pair.y_from_x, pair.mesh_y);
+  layer.on_y = OnY(layer, pair);
   return layer;
 }
 
@@ -76,7 +85,7 @@ ScalarLayer DistortionLayer(const MappedPair& pair) {
       .on_x = pair.precise.empty()
                   ? LogAreaStretch(pair.mesh_x, pair.mesh_y, pair.y_from_x)
                   : LogAreaStretch(pair.mesh_x, pair.mesh_y, pair.precise)};
-  layer.on_y = CarryToY(layer.on_x, pair.y_from_x, pair.mesh_y);
+  layer.on_y = OnY(layer, pair);
   return layer;
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <vector>
 
 #include "absl/types/span.h"
@@ -18,7 +19,11 @@ struct MappedPair {
   absl::Span<const VertexIndex> y_from_x;
   /// PairView::precise.
   absl::Span<const SurfacePoint> precise = {};
+  /// PairView::matched_y.
+  absl::Span<const std::uint8_t> matched_y = {};
 };
+
+// Vertices without a counterpart have no number in any layer.
 
 /// `confidence` of each vertex of X, 0 to 1.
 ScalarLayer ConfidenceLayer(const MappedPair& pair,

@@ -92,6 +92,11 @@ Json LayerJson(const ScalarLayer& layer) {
           {"y", Quantized(layer.on_y, range)}};
 }
 
+Json MatchedJson(const std::vector<std::uint8_t>& matched) {
+  if (matched.empty()) return nullptr;
+  return Base64(absl::MakeConstSpan(matched));
+}
+
 Json PreciseJson(const PairView& view) {
   if (view.precise.empty()) return nullptr;
   constexpr double kOne = 65535;
@@ -194,6 +199,7 @@ absl::StatusOr<std::string> FormatPageData(const PairView& view,
                      {"x", std::move(x)},
                      {"y", std::move(y)},
                      {"map", Base64(absl::MakeConstSpan(view.y_from_x))},
+                     {"matched_y", MatchedJson(view.matched_y)},
                      {"precise", PreciseJson(view)},
                      {"colors", Base64(absl::MakeConstSpan(view.colors_y))},
                      {"layers", std::move(layers)}};

@@ -32,6 +32,9 @@ std::string EscapeHtml(absl::string_view text);
 ///   a coordinate), `order` ("id" or "decoded", see core/io/draco_mesh.h);
 /// - `rotation`, nine numbers row by row;
 /// - `map`: y_from_x as little-endian int32; `colors`: 3 bytes a vertex of Y;
+/// - `matched_y`, null unless it is known: a byte a vertex of Y, 0 for one
+/// without
+///   a counterpart;
 /// - `precise`, null unless the map is: `corners`, three int32 a vertex of X,
 ///   and `weights`, three uint16, 65535 for 1;
 /// - `layers`: `id`, `label`, `description`, `low`, `high`, `palette` (256 x 3

@@ -8,6 +8,7 @@
 
 #include <Eigen/Geometry>
 
+#include "absl/strings/str_cat.h"
 #include "core/mesh/embedding.h"
 #include "core/mesh/mesh_geometry.h"
 #include "core/mesh/vertex_stars.h"
@@ -70,6 +71,17 @@ std::vector<float> MeanOverImages(absl::Span<const float> on_x,
   return means;
 }
 
+/// Vertices on faces of which `is_one` is true.
+template <typename IsOne>
+int CountSeen(const TriangleMesh& mesh, const IsOne& is_one) {
+  const std::vector<bool> is_on_face = VerticesOnFaces(mesh);
+  int count = 0;
+  for (std::size_t v = 0; v < is_on_face.size(); ++v) {
+    if (is_on_face[v] && is_one(v)) ++count;
+  }
+  return count;
+}
+
 }  // namespace
 
 Positions NormalizedPositions(const TriangleMesh& mesh) {
@@ -105,7 +117,8 @@ Eigen::Matrix3d ViewRotation(const TriangleMesh& mesh_x,
 
 std::vector<float> CarryToY(absl::Span<const float> on_x,
                             absl::Span<const VertexIndex> y_from_x,
-                            const TriangleMesh& mesh_y) {
+                            const TriangleMesh& mesh_y,
+                            absl::Span<const std::uint8_t> matched_y) {
   std::vector<float> on_y =
       MeanOverImages(on_x, y_from_x, mesh_y.num_vertices());
   VertexMap reached;
@@ -116,6 +129,9 @@ std::vector<float> CarryToY(absl::Span<const float> on_x,
       NearestByEdges(VertexStars(mesh_y), mesh_y.num_vertices(), reached);
   for (VertexIndex y = 0; y < mesh_y.num_vertices(); ++y) {
     if (nearest[y] != kNoVertex) on_y[y] = on_y[reached[nearest[y]]];
+  }
+  for (std::size_t y = 0; y < matched_y.size(); ++y) {
+    if (matched_y[y] == 0) on_y[y] = kNone;
   }
   return on_y;
 }
@@ -135,6 +151,27 @@ std::vector<Rgb> ColorsOfX(const PairView& view) {
     }
   }
   return colors;
+}
+
+std::vector<Rgb> ColorsOfY(const PairView& view) {
+  std::vector<Rgb> colors = view.colors_y;
+  if (view.colors_x) return colors;
+  for (std::size_t y = 0; y < view.matched_y.size(); ++y) {
+    if (view.matched_y[y] == 0) colors[y] = kGray;
+  }
+  return colors;
+}
+
+std::string GrayText(const PairView& view) {
+  const int on_x = CountSeen(view.x.mesh, [&](std::size_t x) {
+    return view.y_from_x[x] == kNoVertex;
+  });
+  const int on_y = CountSeen(view.y.mesh, [&](std::size_t y) {
+    return !view.matched_y.empty() && view.matched_y[y] == 0;
+  });
+  if (on_x == 0 && on_y == 0) return "";
+  return absl::StrCat("no counterpart: ", on_x, " vertices of X, ", on_y,
+                      " of Y");
 }
 
 std::vector<Rgb> LayerColors(const ScalarLayer& layer,

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <utility>
@@ -51,6 +52,9 @@ struct PairView {
   /// Where on the faces of Y the vertices of X go, when that is known: one for
   /// each, whose heaviest vertices are y_from_x. Empty otherwise.
   std::vector<SurfacePoint> precise = {};
+  /// For each vertex of Y 1 where it has a counterpart on X, else 0, which is
+  /// shown gray. Empty: all have, as far as is known.
+  std::vector<std::uint8_t> matched_y = {};
   std::vector<Rgb> colors_y;
   /// X's own, in pictures; not set: each vertex has the color of its image.
   std::optional<std::vector<Rgb>> colors_x;
@@ -74,13 +78,21 @@ Eigen::Matrix3d ViewRotation(const TriangleMesh& mesh_x,
 
 /// Carries a layer from X: a vertex of Y gets the mean over the vertices that
 /// go there; where none does, what the nearest reached one, by edges, has. NaN
-/// where nothing leads.
+/// where nothing leads, and where `matched_y` (PairView::matched_y) is 0.
 std::vector<float> CarryToY(absl::Span<const float> on_x,
                             absl::Span<const VertexIndex> y_from_x,
-                            const TriangleMesh& mesh_y);
+                            const TriangleMesh& mesh_y,
+                            absl::Span<const std::uint8_t> matched_y = {});
 
 /// colors_x, else those of the images.
 std::vector<Rgb> ColorsOfX(const PairView& view);
+
+/// colors_y, kGray where there is no counterpart; the files' own as they are.
+std::vector<Rgb> ColorsOfY(const PairView& view);
+
+/// What is gray, in words: "no counterpart: 3 vertices of X, 5 of Y". Empty
+/// when all vertices on faces have one.
+std::string GrayText(const PairView& view);
 
 /// The colors of a layer; kGray where it has no number.
 std::vector<Rgb> LayerColors(const ScalarLayer& layer,

@@ -93,6 +93,16 @@ Positions PlacesOfX(const PairView& view, const Positions& places_y) {
   return places;
 }
 
+/// Those of Y; without a counterpart it is plain, as X is.
+Positions PlacesOfY(const PairView& view, Positions places_y) {
+  for (std::size_t y = 0; y < view.matched_y.size(); ++y) {
+    if (view.matched_y[y] == 0) {
+      places_y.row(static_cast<Eigen::Index>(y)).setZero();
+    }
+  }
+  return places_y;
+}
+
 /// One shape, and what its half of the picture shows of it.
 struct Half {
   const TriangleMesh& mesh;
@@ -137,8 +147,8 @@ Image DrawPair(const PairView& view, const PictureOptions& options) {
   const Half halves[] = {
       {view.x.mesh, layer ? LayerColors(*layer, layer->on_x) : ColorsOfX(view),
        PlacesOfX(view, places_y), Seen(view.x.mesh, camera)},
-      {view.y.mesh, layer ? LayerColors(*layer, layer->on_y) : view.colors_y,
-       places_y, Seen(view.y.mesh, camera)}};
+      {view.y.mesh, layer ? LayerColors(*layer, layer->on_y) : ColorsOfY(view),
+       PlacesOfY(view, places_y), Seen(view.y.mesh, camera)}};
   const int half_width = options.width / 2;
   const int wide = kSupersampling * half_width;
   const int high = kSupersampling * options.height;

@@ -17,7 +17,7 @@ absl::Status AddDetails(ViewDetails details, PairView& view) {
   view.colors_y = PositionRgb(view.y.mesh.positions);
   view.rotation = ViewRotation(view.x.mesh, view.y.mesh, details.up);
   const MappedPair pair = {view.x.mesh, view.y.mesh, view.y_from_x,
-                           view.precise};
+                           view.precise, view.matched_y};
   view.layers.push_back(DistortionLayer(pair));
   if (!details.confidence.empty()) {
     view.layers.push_back(ConfidenceLayer(pair, std::move(details.confidence)));

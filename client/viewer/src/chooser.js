@@ -70,11 +70,14 @@ export class Chooser {
     const around = y < 0 ? [] : this.pair.places.around?.(x) ?? [];
     const image = around.length < 2 ? `Y ${y}` : `between Y ${around
         .map((corner) => `${corner.y} (${corner.weight.toFixed(2)})`).join(', ')}`;
-    return `X ${x} \u2192 ${y < 0 ? 'no vertex of Y' : image}${values.join('')}`;
+    return `X ${x} \u2192 ${y < 0 ? 'no counterpart' : image}${values.join('')}`;
   }
 
   textOfY(y, xs) {
-    if (xs.length === 0) return `Y ${y} \u2190 no vertex of X`;
+    if (xs.length === 0) {
+      const none = this.pair.hasCounterpart('y', y) ? 'no vertex of X' : 'no counterpart';
+      return `Y ${y} \u2190 ${none}`;
+    }
     const named = xs.slice(0, NAMED).join(', ');
     const more = xs.length > NAMED ? ` and ${count(xs.length - NAMED)} more` : '';
     return `Y ${y} \u2190 X ${named}${more}`;

@@ -3,12 +3,13 @@ import wasm from 'three/examples/jsm/libs/draco/draco_decoder.wasm';
 import {Chooser} from './chooser.js';
 import {byId, element} from './element.js';
 import {letEscapeHideTips, list, table, verdict} from './figures.js';
+import {grayText} from './gray.js';
 import {Morph} from './morph.js';
 import {count, percent} from './numbers.js';
 import {Overlay} from './overlay.js';
 import {readPair} from './pair.js';
 import {histogram, short, showScale} from './panels.js';
-import {carriedToX, placesOfY} from './pattern_places.js';
+import {carriedToX, placesOfY, plainWithoutCounterpart} from './pattern_places.js';
 import {PinPanel} from './pin_panel.js';
 import {isEmbedded, save} from './save.js';
 import {screenshot} from './screenshot.js';
@@ -21,7 +22,7 @@ class Viewer {
     const placesY = placesOfY(pair.meshes.y);
     this.surfaces = {
       x: new Surface(pair.meshes.x, pair.rotation, carriedToX(pair, placesY)),
-      y: new Surface(pair.meshes.y, pair.rotation, placesY),
+      y: new Surface(pair.meshes.y, pair.rotation, plainWithoutCounterpart(placesY, pair)),
     };
     const overlay = new Overlay(byId('marks'));
     this.stage = new Stage({
@@ -56,10 +57,14 @@ class Viewer {
   /** Colors both shapes by a layer, 'colors' being the map's own. */
   show(id) {
     this.layer = this.pair.layers.find((candidate) => candidate.id === id);
-    if (this.layer) this.paintLayer(this.layer); else this.paintMap();
+    const colorOf = this.layer ? this.colorsOfLayer(this.layer) : this.colorsOfMap();
+    for (const side of ['x', 'y']) this.surfaces[side].paint(colorOf[side]);
     showScale(this.layer);
+    this.gray = grayText(this.pair, colorOf);
+    byId('gray').hidden = this.gray === '';
+    byId('gray-text').textContent = this.gray;
     byId('layer-text').textContent = this.layer ? this.layer.description :
-        'Y is colored by place; each vertex of X has the color of its image. Gray: no image.';
+        'Y is colored by place; each vertex of X has the color of its image.';
     document.body.dataset.layer = id;
     this.stage.draw();
   }
@@ -69,21 +74,23 @@ class Viewer {
     this.stage.draw();
   }
 
-  paintMap() {
-    const {colors, yFromX, places} = this.pair;
-    this.surfaces.x.paint((x) => yFromX[x] < 0 ? null : places.of(colors, x));
-    this.surfaces.y.paint((y) => colors.subarray(3 * y, 3 * y + 3));
+  /** Colors of the vertices of both shapes, null for gray. */
+  colorsOfMap() {
+    const {colors, places, hasCounterpart} = this.pair;
+    return {
+      x: (x) => hasCounterpart('x', x) ? places.of(colors, x) : null,
+      y: (y) => hasCounterpart('y', y) ? colors.subarray(3 * y, 3 * y + 3) : null,
+    };
   }
 
-  paintLayer(layer) {
-    for (const side of ['x', 'y']) {
-      this.surfaces[side].paint((v) => {
-        const value = layer.of(side, v);
-        if (value === null) return null;
-        const shade = layer.shade(value);
-        return layer.palette.subarray(3 * shade, 3 * shade + 3);
-      });
-    }
+  colorsOfLayer(layer) {
+    const colorOf = (side) => (v) => {
+      const value = this.pair.hasCounterpart(side, v) ? layer.of(side, v) : null;
+      if (value === null) return null;
+      const shade = layer.shade(value);
+      return layer.palette.subarray(3 * shade, 3 * shade + 3);
+    };
+    return {x: colorOf('x'), y: colorOf('y')};
   }
 
   /** Shows X on its way to Y: 0 is X itself, 1 where the map puts it on Y. */
@@ -111,7 +118,7 @@ class Viewer {
       layer: this.layer.label, low: short(this.layer.low, this.layer),
       high: short(this.layer.high, this.layer), bar: byId('scale-bar'),
     } : null;
-    await save('isomatch.png', await screenshot(this.stage, names, scale));
+    await save('isomatch.png', await screenshot(this.stage, names, {scale, gray: this.gray}));
   }
 }
 

@@ -116,12 +116,14 @@ function placesOf(yFromX, precise) {
 export async function readPair(json, wasm) {
   const draco = await globalThis.DracoDecoderModule({wasmBinary: wasm});
   const yFromX = new Int32Array(bytesOf(json.map).buffer);
+  const matchedY = json.matched_y && bytesOf(json.matched_y);
   const meshes = {x: {...json.x, ...decodeMesh(draco, json.x)},
                   y: {...json.y, ...decodeMesh(draco, json.y)}};
   return {
     ...json, meshes, yFromX,
     places: placesOf(yFromX, json.precise),
     xsOf: invert(yFromX, json.y.vertices),
+    hasCounterpart: (side, v) => side === 'x' ? yFromX[v] >= 0 : !matchedY || matchedY[v] !== 0,
     colors: bytesOf(json.colors),
     layers: json.layers.map(layerOf),
   };

@@ -23,6 +23,11 @@ export function placesOfY({positions}) {
   return places;
 }
 
+/** The same places, 0 without a counterpart, where both shapes are plain. */
+export function plainWithoutCounterpart(places, {hasCounterpart}) {
+  return places.map((value, i) => hasCounterpart('y', Math.floor(i / 3)) ? value : 0);
+}
+
 /** What each vertex of X has where it lies on Y, of `valuesY`; 0 without a place. */
 export function carriedToX({yFromX, places: onY}, valuesY) {
   const values = new Float32Array(3 * yFromX.length);

@@ -62,8 +62,11 @@ export class PinPanel {
   /** A vertex was clicked; -1 for none. */
   clicked(side, vertex) {
     if (!this.isOpen || vertex < 0) return;
-    this.show(this.list.pick(side, vertex, byId('pin-suggest').checked ?
-        this.partnerOf(side, vertex) : null));
+    const text = this.list.pick(side, vertex, byId('pin-suggest').checked ?
+        this.partnerOf(side, vertex) : null);
+    const warning = this.pair.hasCounterpart(side, vertex) ? '' :
+        `${side.toUpperCase()} ${vertex} has no counterpart by the map. `;
+    this.show(warning + text);
   }
 
   /** What the map says: the image, or the first of those that go there; null for none. */

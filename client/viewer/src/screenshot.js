@@ -1,7 +1,8 @@
-// A picture of both shapes as they are seen, with their names and the scale.
+// A picture of both shapes as they are seen, with their names and the legend.
 
 const BAR = 40;
 const MARGIN = 12;
+const GRAY = 'rgb(158, 158, 158)';
 
 const styleOf = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
@@ -19,18 +20,32 @@ function drawScale(context, {layer, low, high, bar}, top, width) {
   context.fillText(high, left + length + 8, middle);
 }
 
+/** What gray stands for, below the shapes. */
+function drawGray(context, text, top) {
+  const middle = top + BAR / 2;
+  const {fillStyle} = context;
+  context.fillStyle = GRAY;
+  context.fillRect(MARGIN, middle - 7, 28, 14);
+  context.fillStyle = fillStyle;
+  context.textBaseline = 'middle';
+  context.textAlign = 'left';
+  context.fillText(text, MARGIN + 36, middle);
+}
+
 /**
  * Resolves to a PNG.
  * @param stage draws the shapes
  * @param names what stands above each, by side
- * @param scale {layer, low, high, bar: a canvas}; null for none
+ * @param legend scale: {layer, low, high, bar: a canvas}, null for none; gray: what
+ *     it stands for, '' for none
  */
-export function screenshot(stage, names, scale) {
+export function screenshot(stage, names, {scale, gray}) {
   const {canvas, ratio} = stage;
   const all = canvas.getBoundingClientRect();
   const picture = document.createElement('canvas');
   picture.width = canvas.width;
-  picture.height = canvas.height + (scale ? Math.round(ratio * BAR) : 0);
+  const rows = [scale, gray].filter(Boolean).length;
+  picture.height = canvas.height + Math.round(ratio * BAR * rows);
   const context = picture.getContext('2d');
   context.fillStyle = styleOf('--stage');
   context.fillRect(0, 0, picture.width, picture.height);
@@ -50,5 +65,6 @@ export function screenshot(stage, names, scale) {
         box.width - 2 * MARGIN);
   }
   if (scale) drawScale(context, scale, all.height, all.width);
+  if (gray) drawGray(context, gray, all.height + (scale ? BAR : 0));
   return new Promise((resolve) => picture.toBlob(resolve, 'image/png'));
 }

@@ -95,6 +95,32 @@ TEST_F(ViewCommandTest, ShowsConfidenceErrorAndReport) {
   }
 }
 
+TEST_F(ViewCommandTest, WhatHasNoCounterpartIsTold) {
+  std::string map = "-1\n-1\n";
+  std::string mask = "0\n0\n0\n";
+  for (int i = 2; i < 42; ++i) map += std::to_string(i) + "\n";
+  mask += Numbers(39, "1");
+  map_ = folder_.Write("map.txt", map);
+  const std::string mask_y = folder_.Write("mask.txt", mask);
+  EXPECT_EQ(View({"--png", png_}).out,
+            png_ + ": gray, no counterpart: 2 vertices of X, 0 of Y\n");
+  EXPECT_EQ(View({"--png", png_, "--mask-y", mask_y}).out,
+            png_ + ": gray, no counterpart: 2 vertices of X, 3 of Y\n");
+  const CommandOutcome outcome =
+      View({"-o", page_, "--mask-y", mask_y, "--truth", map_, "--json"});
+  ASSERT_EQ(outcome.status, kExitSuccess) << outcome.err;
+  const auto figures = nlohmann::json::parse(outcome.out)["figures"];
+  EXPECT_EQ(figures["Map"]["vertices of Y with a counterpart"], "39 of 42");
+  EXPECT_EQ(
+      figures["Error against the truth"]["IoU of the overlap, by area of X"],
+      "1.00000");
+  EXPECT_THAT(ReadFile(page_, "a page").value(),
+              HasSubstr(R"("matched_y":"AAAAAQ)"));
+  ExpectUsageError({"-o", page_, "--mask-y", map_}, "line 1: found '-1'");
+  ExpectUsageError({"-o", page_, "--mask-y", folder_.Write("mask.txt", "1\n")},
+                   "1 lines, expected 42, one for each vertex of Y");
+}
+
 TEST_F(ViewCommandTest, APreciseMapIsShownAndMeasuredWhereItIs) {
   const TriangleMesh mesh = BumpySphere(1);
   std::string places;

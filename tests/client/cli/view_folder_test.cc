@@ -136,6 +136,8 @@ TEST_F(ViewFolderTest, WrongUsageNamesWhatIsWrong) {
   ExpectUsageError({"-o", page_, "--png", folder_.Path("a.png")},
                    "--png: is for one pair");
   ExpectUsageError({"-o", page_, "--truth", page_}, "--truth: is for one pair");
+  ExpectUsageError({"-o", page_, "--mask-y", page_},
+                   "--mask-y: is for one pair");
   ExpectUsageError({"-o", page_, "--layer", "error"},
                    "--layer error: is for one pair");
   ExpectUsageError({maps_, "-o", page_}, "MAP: is missing");

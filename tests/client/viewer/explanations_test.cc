@@ -26,8 +26,9 @@ TEST(ExplanationsTest, EachFigureIsExplained) {
   std::vector<FigureTable> tables = report->tables;
   GeodesicError error;
   error.of_vertex = {0.0F};
-  tables.push_back(ErrorFigures(error, error));
+  tables.push_back(ErrorFigures(error, error, 0.5));
   PairView view;
+  view.matched_y = {1};
   view.layers = {{.id = "confidence"}, {.id = "distortion"}};
   tables.push_back(MapFigures(view));
   // Names of stages, and what stands beside the verdict.

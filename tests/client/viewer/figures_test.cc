@@ -13,6 +13,7 @@ namespace isomatch {
 namespace {
 
 using testing::AllOf;
+using testing::Contains;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
@@ -105,6 +106,9 @@ TEST(MapFiguresTest, CountsImages) {
               ElementsAre(Pair("vertices of X with an image", "4 of 5"),
                           Pair("vertices of Y that are images", "3 of 4"),
                           Pair(HasSubstr("distortion"), "0.5")));
+  view.matched_y = {1, 0, 1, 1};
+  EXPECT_THAT(MapFigures(view).rows,
+              Contains(Pair("vertices of Y with a counterpart", "3 of 4")));
 }
 
 TEST(ErrorFiguresTest, ShowsWhatEvaluateShows) {
@@ -118,6 +122,8 @@ TEST(ErrorFiguresTest, ShowsWhatEvaluateShows) {
   EXPECT_THAT(direct.rows[4], Pair("within 0.01", "50.00 %"));
   EXPECT_THAT(ErrorFigures(error, error).rows.back(),
               Pair("mean against the mirrored truth", "0.00440"));
+  EXPECT_THAT(ErrorFigures(error, std::nullopt, 0.25).rows.back(),
+              Pair("IoU of the overlap, by area of X", "0.25000"));
 }
 
 }  // namespace

@@ -1,7 +1,9 @@
 #include "client/viewer/layers.h"
 
 #include <cmath>
+#include <cstdint>
 #include <numeric>
+#include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -34,6 +36,31 @@ TEST_F(LayersTest, ConfidenceKeepsItsNumbersOnBothShapes) {
   EXPECT_EQ(layer.on_y, confidence);
   EXPECT_EQ(layer.low, 0);
   EXPECT_EQ(layer.high, 1);
+}
+
+TEST_F(LayersTest, WhatHasNoCounterpartHasNoNumberInAnyLayer) {
+  VertexMap map = identity_;
+  std::vector<std::uint8_t> matched(map.size(), 1);
+  for (std::size_t v = 0; v < map.size(); v += 2) {
+    map[v] = kNoVertex;
+    matched[v] = 0;
+  }
+  GeodesicError error;
+  error.of_vertex.assign(map.size(), 0.5F);
+  for (std::size_t v = 0; v < map.size(); v += 2) error.of_vertex[v] = -1;
+  const MappedPair pair = {mesh_, mesh_, map, {}, matched};
+  const std::vector<float> confidence(map.size(), 0.5F);
+  for (const ScalarLayer& layer :
+       {ConfidenceLayer(pair, confidence), ErrorLayer(pair, error),
+        DistortionLayer(pair)}) {
+    for (std::size_t v = 0; v < map.size(); v += 2) {
+      ASSERT_THAT(layer.on_x[v], IsNan()) << layer.id;
+      ASSERT_THAT(layer.on_y[v], IsNan()) << layer.id;
+    }
+  }
+  const ScalarLayer layer = ConfidenceLayer(pair, confidence);
+  EXPECT_EQ(layer.on_x[1], 0.5F);
+  EXPECT_EQ(layer.on_y[1], 0.5F);
 }
 
 TEST_F(LayersTest, ErrorsKeepTheirNumbersAndTheScaleHoldsMostOfThem) {

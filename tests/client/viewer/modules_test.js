@@ -2,6 +2,7 @@
 import assert from 'node:assert/strict';
 import {test} from 'node:test';
 import {coarseFaces} from '../../../client/viewer/src/coarse.js';
+import {grayText} from '../../../client/viewer/src/gray.js';
 import {Morph} from '../../../client/viewer/src/morph.js';
 import {count, decimal, fixed, percent, typeset} from '../../../client/viewer/src/numbers.js';
 import {PinList} from '../../../client/viewer/src/pins.js';
@@ -115,6 +116,24 @@ test('a long way to the one vertex that has a place takes no long time', () => {
   new Morph({positions, faces}, goals, has).at(1, out);
   assert.ok(performance.now() - begin < 5000, `${performance.now() - begin} ms`);
   assert.ok(out.every((value, i) => Math.abs(value - goals[i]) < 1e-5));
+});
+
+test('gray is explained, of vertices that are seen', () => {
+  // A square each; vertex 4 of X is on no face.
+  const faces = Uint32Array.from([0, 1, 2, 0, 2, 3]);
+  const meshes = {x: {faces, vertices: 5}, y: {faces, vertices: 4}};
+  const color = [1, 2, 3];
+  const text = (without, gray) => grayText(
+      {meshes, hasCounterpart: (side, v) => !without[side].includes(v)},
+      {x: (v) => gray.x.includes(v) ? null : color, y: (v) => gray.y.includes(v) ? null : color});
+  const none = {x: [], y: []};
+  assert.equal(text(none, none), '');
+  assert.equal(text({x: [4], y: []}, {x: [4], y: []}), '');
+  assert.equal(text({x: [1, 4], y: [0, 3]}, {x: [1, 4], y: [0, 3]}),
+      'no counterpart (1 vertices of X, 2 of Y)');
+  assert.equal(text(none, {x: [], y: [1]}), 'no value');
+  assert.equal(text({x: [1], y: []}, {x: [1, 2], y: []}),
+      'no counterpart (1 vertices of X, 0 of Y); no value');
 });
 
 test('a morph of no places stays where it is', () => {

@@ -63,6 +63,14 @@ std::vector<T> Unpacked(const json& base64) {
   return values;
 }
 
+TEST(PageDataTest, HoldsWhatOfYHasACounterpartWhenThatIsKnown) {
+  PairView view = SmallView();
+  EXPECT_TRUE(Data(view)["matched_y"].is_null());
+  view.matched_y.assign(view.y.mesh.num_vertices(), 1);
+  view.matched_y[3] = 0;
+  EXPECT_EQ(Unpacked<std::uint8_t>(Data(view)["matched_y"]), view.matched_y);
+}
+
 TEST(PageDataTest, HoldsTheMeshes) {
   const PairView view = SmallView();
   const json data = Data(view);

@@ -93,6 +93,17 @@ TEST(CarryToYTest, TakesMeansAndFillsFromTheNearest) {
   EXPECT_EQ(on_y[4], 8);
 }
 
+TEST(CarryToYTest, NothingIsCarriedToWhatHasNoCounterpart) {
+  const TriangleMesh y = PlaneGrid(4, 1, 4, 1);
+  std::vector<std::uint8_t> matched(10, 1);
+  matched[1] = matched[4] = 0;
+  const std::vector<float> on_y = CarryToY({1, 3}, {0, 4}, y, matched);
+  EXPECT_THAT(on_y[1], IsNan());
+  EXPECT_THAT(on_y[4], IsNan());
+  EXPECT_EQ(on_y[0], 1);
+  EXPECT_EQ(on_y[3], 3);
+}
+
 TEST(CarryToYTest, NothingIsCarriedWhereNothingLeads) {
   const TriangleMesh y = PlaneGrid(4, 1, 4, 1);
   EXPECT_THAT(CarryToY({5}, {kNoVertex}, y), testing::Each(IsNan()));
@@ -104,6 +115,24 @@ TEST(PairViewTest, VerticesOfXHaveTheColorsOfTheirImages) {
   view.y_from_x = {1, kNoVertex, 0, 1};
   EXPECT_THAT(ColorsOfX(view),
               ElementsAre(Rgb{4, 5, 6}, kGray, Rgb{1, 2, 3}, Rgb{4, 5, 6}));
+}
+
+TEST(PairViewTest, WhatHasNoCounterpartIsGrayAndTold) {
+  PairView view;
+  view.x.mesh = view.y.mesh = PlaneGrid(1, 1, 1, 1);
+  // One more, on no face.
+  view.x.mesh.positions.conservativeResize(5, 3);
+  view.colors_y.assign(4, Rgb{1, 2, 3});
+  view.y_from_x = {0, 1, 2, 3, kNoVertex};
+  EXPECT_EQ(ColorsOfY(view), view.colors_y);
+  EXPECT_EQ(GrayText(view), "");
+  view.y_from_x[1] = kNoVertex;
+  view.matched_y = {0, 1, 1, 0};
+  EXPECT_THAT(ColorsOfY(view),
+              ElementsAre(kGray, Rgb{1, 2, 3}, Rgb{1, 2, 3}, kGray));
+  EXPECT_EQ(GrayText(view), "no counterpart: 1 vertices of X, 2 of Y");
+  view.colors_x = view.colors_y;  // the files' own
+  EXPECT_EQ(ColorsOfY(view), view.colors_y);
 }
 
 TEST(PairViewTest, ColorsAreMixedWhereImagesLieBetweenVertices) {

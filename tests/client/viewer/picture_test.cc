@@ -97,6 +97,44 @@ TEST(PictureTest, BothHalvesLookTheSameUnderTheIdentityOfAnyScale) {
   }
 }
 
+bool IsGray(const Rgb& pixel) {
+  const auto [least, most] = std::minmax_element(pixel.begin(), pixel.end());
+  return *most - *least < 4 && pixel != kWhite;
+}
+
+TEST(PictureTest, WhatHasNoCounterpartIsGrayAndPlainOnBothHalves) {
+  PairView view = IdentityView(BumpySphere(4));
+  const Image whole = Draw(view);
+  view.matched_y.assign(view.y_from_x.size(), 1);
+  for (std::size_t x = 0; x < view.y_from_x.size(); ++x) {
+    if (view.x.mesh.positions(static_cast<Eigen::Index>(x), 1) < 0) {
+      view.y_from_x[x] = kNoVertex;
+      view.matched_y[x] = 0;
+    }
+  }
+  const Image plain = Draw(view);
+  const Image checked = DrawPair(
+      view, {.width = 240, .height = 120, .pattern = Pattern::kChecker});
+  for (const int half : {0, 1}) {
+    int grays = 0;
+    int grays_of_whole = 0;
+    int changed = 0;
+    for (int row = 0; row < plain.height; ++row) {
+      for (int column = 120 * half; column < 120 * half + 120; ++column) {
+        grays_of_whole += IsGray(whole.At(column, row));
+        if (!IsGray(plain.At(column, row))) continue;
+        ++grays;
+        changed += checked.At(column, row) != plain.At(column, row);
+      }
+    }
+    const int covered = Covered(plain, half);
+    EXPECT_GT(grays, covered / 5) << half;
+    EXPECT_LT(grays, covered / 2) << half;
+    EXPECT_LT(grays_of_whole, covered / 20) << half;
+    EXPECT_LT(changed, grays / 50) << half;
+  }
+}
+
 TEST(PictureTest, AMirroredMapShows) {
   const TriangleMesh body = MirrorSymmetricBody(4);
   PairView view = IdentityView(body);

@@ -47,7 +47,7 @@ const checks = {
     await overPane(page, 'x', async (x, y) => {
       await page.hover(x, y);
       const text = await found(page);
-      const match = /^X (\d+) \u2192 (?:Y (\d+)|no vertex of Y)/.exec(text);
+      const match = /^X (\d+) \u2192 (?:Y (\d+)|no counterpart)/.exec(text);
       if (!match) return false;
       ++hits;
       assert.equal(Number(match[2] ?? -1), map[Number(match[1])], text);
@@ -104,7 +104,7 @@ const checks = {
     writeFileSync(file('page_chosen.png'), Buffer.from(await page.screenshot(), 'base64'));
     await page.evaluate(`{ const input = document.getElementById('vertex-x');
       input.value = 7; input.dispatchEvent(new Event('input')); }`);
-    assert.match(await found(page), /^X 7 \u2192 no vertex of Y/);
+    assert.match(await found(page), /^X 7 \u2192 no counterpart/);
   },
 
   async 'layers switch'({page}) {
@@ -229,6 +229,95 @@ async function openPrecise(page) {
   assert.deepEqual(page.problems, []);
 }
 
+/** How many pixels have hardly any tint and are not of the background. */
+function grays({rgb}) {
+  let count = 0;
+  for (let i = 0; i < rgb.length; i += 3) {
+    const [r, g, b] = rgb.subarray(i, i + 3);
+    if (Math.max(r, g, b) - Math.min(r, g, b) < 6 && r < 235) ++count;
+  }
+  return count;
+}
+
+/** Of two parts: what has no counterpart is gray, said so, and stays with the rest. */
+async function openParts(page, wholeMap) {
+  const positions = readFileSync(file('a.off'), 'utf8').split('\n').slice(2, 3002)
+      .map((line) => line.split(' ').map(Number));
+  const middle = positions.map(([x]) => x).sort((a, b) => a - b)[1500];
+  const map = wholeMap.map((y, x) => positions[x][0] < middle ? -1 : y);
+  const reached = new Set(map);
+  const mask = Array.from({length: 2000}, (_, y) => Number(reached.has(y)));
+  // The rim's and other single vertices beside those that are reached.
+  const without = mask.indexOf(0);
+  const confidence = map.map((y) => y < 0 ? 0 : 0.75);
+  for (const [name, lines] of Object.entries({parts: map, mask, parts_confidence: confidence})) {
+    writeFileSync(file(`${name}.txt`), `${lines.join('\n')}\n`);
+  }
+  await page.send('Emulation.setEmulatedMedia', {features: []});
+  await page.send('Emulation.setDeviceMetricsOverride', {...WINDOW, deviceScaleFactor: 1, mobile: false});
+  await page.drawn();
+  const colored = {x: await page.pixels(await shapeBox(page, 'x')), y: await page.pixels(await shapeBox(page, 'y'))};
+  execFileSync(isomatch, ['view', file('a.off'), file('b.off'), file('parts.txt'), '-o',
+    file('parts.html'), '--mask-y', file('mask.txt'), '--confidence', file('parts_confidence.txt'),
+    '--title', 'Two parts'], {stdio: ['ignore', 'ignore', 'inherit']});
+  await page.send('Page.navigate', {url: pathToFileURL(file('parts.html')).href});
+  await page.until("document.body?.dataset.ready === 'true' && document.title.includes('Two parts')");
+  await page.drawn();
+  writeFileSync(file('page_parts.png'), Buffer.from(await page.screenshot(), 'base64'));
+  const gone = map.filter((y) => y < 0).length;
+  const text = (id) => page.evaluate(`document.getElementById('${id}').innerText`);
+  for (const layer of ['colors', 'confidence', 'distortion']) {
+    await page.click(`label:has([value=${layer}])`);
+    const legend = await text('gray');
+    assert.match(legend, new RegExp(`Gray: no counterpart \\(${gone.toLocaleString('en-US')} vertices of X, ` +
+        `${mask.filter((has) => !has).length.toLocaleString('en-US')} of Y\\)`));
+    if (layer === 'distortion') continue;  // its middle is gray, too
+    for (const side of ['x', 'y']) {
+      const shot = await page.pixels(await shapeBox(page, side));
+      const share = grays(shot) / (drawing(shot).covered * shot.rgb.length / 3);
+      const before = grays(colored[side]) / (drawing(colored[side]).covered * colored[side].rgb.length / 3);
+      assert.ok(share > 0.2 && share < 0.8 && before < 0.1,
+          `${share} of ${side} is gray in ${layer}, ${before} of a whole map`);
+    }
+  }
+  await page.click('label:has([value=colors])');
+  // Statistics are of the others.
+  assert.match(await text('histogram-confidence'),
+      new RegExp(`${(3000 - gone).toLocaleString('en-US')} vertices of X: mean 0\\.75`));
+  const choose = (side, vertex) => page.evaluate(`{ const input = document.getElementById('vertex-${side}');
+    input.value = ${vertex}; input.dispatchEvent(new Event('input')); }`);
+  await choose('x', map.indexOf(-1));
+  assert.equal(await found(page), `X ${map.indexOf(-1)} \u2192 no counterpart`);
+  await choose('y', without);
+  assert.equal(await found(page), `Y ${without} \u2190 no counterpart`);
+  // A pin on gray is warned of.
+  await page.click('#pin');
+  const warned = [];
+  await overPane(page, 'x', async (x, y) => {
+    await page.hover(x, y);
+    const match = /^X (\d+) \u2192 no counterpart/.exec(await found(page));
+    if (!match) return false;
+    await page.mouse('mousePressed', x, y, {button: 'left', clickCount: 1});
+    await page.mouse('mouseReleased', x, y, {button: 'left', clickCount: 1});
+    warned.push(match[1]);
+    return true;
+  });
+  assert.ok((await text('pin-status')).startsWith(`X ${warned[0]} has no counterpart by the map. Pin 1:`));
+  await page.click('#pin');
+  // Half way and at its end the gray part hangs on the other: nothing flies to a point.
+  const shape = async () => drawing(await page.pixels(await shapeBox(page, 'x'))).covered;
+  const whole = await shape();
+  for (const part of [0.5, 1]) {
+    await page.evaluate(`{ const slider = document.getElementById('morph');
+      slider.value = ${part}; slider.dispatchEvent(new Event('input', {bubbles: true})); }`);
+    await page.drawn();
+    const now = await shape();
+    assert.ok(Math.abs(now / whole - 1) < 0.2, `${now} is covered at ${part}, ${whole} before`);
+    writeFileSync(file(`page_parts_${part}.png`), Buffer.from(await page.screenshot(), 'base64'));
+  }
+  assert.deepEqual(page.problems, []);
+}
+
 const LARGE = 60000;
 
 /** While it moves, few faces are drawn, which look much as all do; then all. */
@@ -288,6 +377,7 @@ process.exit(await withPage(folder, WINDOW, async (page) => {
   return run({
     ...checks,
     'a precise map is shown where it is': ({page}) => openPrecise(page),
+    'what has no counterpart is gray': ({page, map}) => openParts(page, map),
     'a large page opens, and moves coarse': ({page}) => openLarge(page),
   }, {page, map, address});
 }));
