@@ -295,7 +295,8 @@ void TellLandmarks(absl::Span<const NamedVertex> landmarks,
                            " is not carried: no vertex of X lies on that part "
                            "of Y")
             : absl::StrFormat("landmark %d %s: the nearest vertex of X is %.1f "
-                              "%% of sqrt(area) away, expected less than %.0f",
+                              "%% of sqrt(area) away, expected less than "
+                              "%.0f; X may have no counterpart of it",
                               y, name, 100 * distance / unit,
                               100 * kFarLandmark));
   }

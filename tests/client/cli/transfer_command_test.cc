@@ -1,3 +1,6 @@
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -9,6 +12,7 @@
 #include "client/files/mesh_file.h"
 #include "client/files/point_file.h"
 #include "client/files/text_file.h"
+#include "client/files/vertex_colors.h"
 #include "core/mesh/surface_point.h"
 #include "tests/client/cli/run_isomatch.h"
 #include "tests/support/matchers.h"
@@ -152,6 +156,113 @@ TEST_F(TransferCommandTest, LabelsGoAlongAndTheMissingAreToldOf) {
   const std::vector<std::int64_t> carried = *ReadLabels(out, 600);
   EXPECT_EQ(carried[3], 7);
   EXPECT_EQ(carried[4], 1000 + map[4]);
+}
+
+/// The front of X has no place on Y, as where Y is a part of X.
+class TransferPartTest : public TransferCommandTest {
+ protected:
+  void SetUp() override {
+    TransferCommandTest::SetUp();
+    mesh_x_ = ReadMesh(x_, "X")->mesh;
+    whole_ = ReadMap(map_, 500).value();
+    part_ = whole_;
+    std::string places;
+    for (std::size_t v = 0; v < part_.size(); ++v) {
+      const bool is_gone =
+          mesh_x_.positions(static_cast<Eigen::Index>(v), 0) > 0.3;
+      if (is_gone) part_[v] = kNoVertex;
+      places += is_gone ? "-1 0 0 0\n" : "0 0.5 0.25 0.25\n";
+    }
+    unmatched_ = std::count(part_.begin(), part_.end(), kNoVertex);
+    ASSERT_GT(unmatched_, 100);
+    files_ = {folder_.Write("m.txt", FormatMap(part_)),
+              folder_.Write("m.npy", FormatMap(part_, 500, MapFormat::kNpy)),
+              folder_.Write("m.json", FormatMap(part_, 500, MapFormat::kJson)),
+              folder_.Write("places.txt", places)};
+  }
+  bool IsGone(VertexIndex v) const {
+    return part_[static_cast<std::size_t>(v)] == kNoVertex;
+  }
+  std::string Told(const std::string& what) const {
+    return std::to_string(unmatched_) +
+           " of 600 vertices of X have no place on Y: " + what;
+  }
+
+  TriangleMesh mesh_x_;
+  VertexMap whole_;
+  VertexMap part_;
+  std::ptrdiff_t unmatched_ = 0;
+  /// part_ in every format.
+  std::vector<std::string> files_;
+};
+
+TEST_F(TransferPartTest, LabelsOfTheRestAreMissing) {
+  std::string labels;
+  for (int y = 0; y < 500; ++y) labels += std::to_string(1000 + y) + "\n";
+  const std::string labels_y = folder_.Write("labels_y.txt", labels);
+  const std::string out = folder_.Path("labels.txt");
+  for (const std::string& file : files_) {
+    const CommandOutcome outcome =
+        Run({"transfer", x_, y_, file, "--labels", labels_y, "-o", out});
+    EXPECT_EQ(outcome.status, 0) << outcome.err;
+    EXPECT_THAT(outcome.err, HasSubstr(Told("their label is -1")));
+    const std::vector<std::int64_t> carried = *ReadLabels(out, 600);
+    for (VertexIndex v = 0; v < 600; ++v) {
+      ASSERT_EQ(carried[static_cast<std::size_t>(v)] == -1, IsGone(v)) << file;
+    }
+  }
+}
+
+TEST_F(TransferPartTest, ColorsOfTheRestAreGray) {
+  const std::string y = folder_.Path("y.ply");
+  const std::string out = folder_.Path("out.ply");
+  ASSERT_EQ(Run({"sample", "--pose", "B", "--vertices", "500", "--texture",
+                 "checker", "-o", y})
+                .status,
+            0);
+  for (const std::string& file : files_) {
+    const CommandOutcome outcome = Run({"transfer", x_, y, file, "-o", out});
+    EXPECT_EQ(outcome.status, 0) << outcome.err;
+    EXPECT_THAT(outcome.err, HasSubstr(Told("they are gray")));
+    const Colors colors = **ReadMesh(out, "OUT")->colors;
+    for (VertexIndex v = 0; v < 600; ++v) {
+      const bool is_gray = ColorBytes(colors.row(v)) == ColorBytes(kNoColor);
+      ASSERT_EQ(is_gray, IsGone(v)) << file << " " << v;
+    }
+  }
+}
+
+TEST_F(TransferPartTest, FacesOfTheRestHaveNoTexture) {
+  for (const std::string& file : files_) {
+    const CommandOutcome outcome =
+        Run({"transfer", x_, y_, file, "-o", out_, "--json"});
+    ASSERT_EQ(outcome.status, 0) << outcome.err;
+    const MeshTexture texture = **ReadMesh(out_, "OUT")->texture;
+    int without = 0;
+    for (VertexIndex f = 0; f < mesh_x_.num_faces(); ++f) {
+      const auto face = mesh_x_.faces.row(f);
+      const bool is_bare = texture.corners(f, 0) == -1;
+      ASSERT_EQ(is_bare, IsGone(face[0]) || IsGone(face[1]) || IsGone(face[2]))
+          << file << " " << f;
+      without += is_bare;
+    }
+    const auto json = nlohmann::json::parse(outcome.out);
+    EXPECT_EQ(json["unmatched"], unmatched_);
+    EXPECT_EQ(json["texture"]["without"], without);
+  }
+}
+
+TEST_F(TransferPartTest, LandmarksOfTheRestAreToldToBeFar) {
+  VertexIndex foremost = 0;
+  mesh_x_.positions.col(0).maxCoeff(&foremost);
+  const std::string landmark =
+      std::to_string(whole_[static_cast<std::size_t>(foremost)]) + " nose\n";
+  const CommandOutcome outcome =
+      Run({"transfer", x_, y_, files_[0], "--landmarks",
+           folder_.Write("lm.txt", landmark), "-o", folder_.Path("lm_x.txt")});
+  EXPECT_EQ(outcome.status, 0) << outcome.err;
+  EXPECT_THAT(outcome.err,
+              HasSubstr("expected less than 5; X may have no counterpart"));
 }
 
 TEST_F(TransferCommandTest, LandmarksGoAlongWithTheirNames) {
