@@ -72,6 +72,19 @@ TEST_F(MappedPairTest, APageIsOneDocument) {
   ASSERT_EQ(MakePage(), ISOMATCH_OK);  // all that is optional left out
 }
 
+TEST_F(MappedPairTest, FiguresOfAPageLeaveOutWhatHasNoImage) {
+  std::vector<float> confidence(map_.size(), 0.75F);
+  for (std::size_t v = 0; v < map_.size() / 2; ++v) {
+    map_[v] = -1;
+    confidence[v] = 0;
+  }
+  const isomatch_page page = {nullptr, nullptr, nullptr, confidence.data(),
+                              nullptr};
+  ASSERT_EQ(MakePage(&page), ISOMATCH_OK) << isomatch_error_message(error_);
+  EXPECT_THAT(isomatch_text_data(page_),
+              HasSubstr(R"(["mean confidence","0.75"])"));
+}
+
 TEST_F(MappedPairTest, WrongMapsAreNamed) {
   map_[7] = sphere_.num_vertices();
   ExpectInvalid("map[7]", "642, expected a vertex of Y, 0 to 641, or -1");
