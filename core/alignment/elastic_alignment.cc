@@ -19,6 +19,9 @@ constexpr int kStepsPerRound = 3;
 constexpr double kOverrelaxation = 1;
 /// How much more than others a landmark is pulled.
 constexpr double kLandmarkPull = 100;
+/// How much vertices are pulled that have no counterpart: not at all, but for
+/// what keeps the system regular.
+constexpr double kUnmatchedPull = 1e-4;
 
 }  // namespace
 
@@ -110,8 +113,22 @@ absl::Status ElasticAlignment::FindPoints(const std::stop_token& stop) {
   });
 }
 
-absl::Status ElasticAlignment::PullX(const std::stop_token& stop) {
-  for (int step = 0; step < kStepsPerRound; ++step) {
+void ElasticAlignment::SetMatched(std::vector<char> matched) {
+  matched_ = std::move(matched);
+  for (VertexIndex x = 0; x < x_.mesh.num_vertices(); ++x) {
+    if (fixed_[x] != kNoVertex) continue;
+    pull_[x] = x_.laplacian.mass[x] * (matched_[x] ? 1 : kUnmatchedPull);
+  }
+}
+
+absl::Status ElasticAlignment::Settle(double stiffness, int steps,
+                                      const std::stop_token& stop) {
+  ISOMATCH_RETURN_IF_ERROR(surface_.SetPull(pull_, stiffness));
+  return PullX(steps, stop);
+}
+
+absl::Status ElasticAlignment::PullX(int steps, const std::stop_token& stop) {
+  for (int step = 0; step < steps; ++step) {
     ISOMATCH_RETURN_IF_ERROR(
         surface_.Step(targets_, stop, &aligned_.positions));
   }
@@ -122,7 +139,7 @@ absl::Status ElasticAlignment::Run(double stiffness, int rounds,
                                    const std::stop_token& stop) {
   ISOMATCH_RETURN_IF_ERROR(surface_.SetPull(pull_, stiffness));
   for (int round = 0; round < rounds; ++round) {
-    ISOMATCH_RETURN_IF_ERROR(PullX(stop));
+    ISOMATCH_RETURN_IF_ERROR(PullX(kStepsPerRound, stop));
     DescribeX();
     DescribeFunctions();
     ISOMATCH_RETURN_IF_ERROR(FindAlike(stop));
@@ -157,10 +174,13 @@ double ElasticAlignment::NormalMismatch(VertexIndex x) const {
 AlignmentScore ElasticAlignment::Score() const {
   AlignmentScore score;
   const Eigen::VectorXd& mass = x_.laplacian.mass;
+  double matched_mass = matched_.empty() ? mass.sum() : 0;
   for (VertexIndex x = 0; x < x_.mesh.num_vertices(); ++x) {
+    if (!matched(x)) continue;
     score.normal_mismatch += mass[x] * NormalMismatch(x);
+    if (!matched_.empty()) matched_mass += mass[x];
   }
-  score.normal_mismatch /= mass.sum();
+  score.normal_mismatch /= matched_mass;
   score.stretch = surface_.Energy(aligned_.positions) / mass.sum();
   return score;
 }

@@ -67,6 +67,16 @@ class ElasticAlignment {
   /// Lets the images of landmarks stay where they are and pulls X there.
   void Fix(absl::Span<const VertexMatch> landmarks);
 
+  /// Marks the vertices of X that have a counterpart on Y, one entry each, not
+  /// 0 for those; without a call all have. The others are not pulled, and
+  /// follow their neighbors.
+  void SetMatched(std::vector<char> matched);
+  /// Empty: all.
+  const std::vector<char>& matched() const { return matched_; }
+
+  /// Deforms X `steps` times toward where it was pulled last. Errors as Run.
+  absl::Status Settle(double stiffness, int steps, const std::stop_token& stop);
+
   /// `rounds` of deforming and matching anew at one stiffness, a fraction of
   /// the area (> 0). INTERNAL: a factorization failed. CANCELLED after `stop`.
   /// Time O(rounds n basis^2) and a sparse Cholesky.
@@ -79,6 +89,7 @@ class ElasticAlignment {
   /// of landmarks the image. CANCELLED after `stop`.
   absl::StatusOr<std::vector<SurfacePoint>> PrecisePoints(
       const std::stop_token& stop);
+  /// Of the vertices that are matched.
   AlignmentScore Score() const;
   /// Distance of a vertex of the laid-on X from Y around its image, sqrt(area).
   double Residual(VertexIndex x) const;
@@ -89,7 +100,8 @@ class ElasticAlignment {
   void DescribeFunctions();
   void DescribeX();
   /// Deforms X toward the targets.
-  absl::Status PullX(const std::stop_token& stop);
+  absl::Status PullX(int steps, const std::stop_token& stop);
+  bool matched(VertexIndex x) const { return matched_.empty() || matched_[x]; }
   absl::Status FindAlike(const std::stop_token& stop);
   absl::Status FindPoints(const std::stop_token& stop);
 
@@ -105,6 +117,7 @@ class ElasticAlignment {
   std::vector<SurfacePoint> points_;  ///< nearest in space, around the image
   Positions targets_;                 ///< what each vertex is pulled to
   Eigen::VectorXd pull_;              ///< how much
+  std::vector<char> matched_;
   /// One vertex a column: eigenfunctions, position, normal, weighted.
   PointColumns features_x_;
   PointColumns features_y_;

@@ -54,45 +54,53 @@ float LargestReached(const BasisPoints& basis, int count) {
 
 absl::Status MeasureDistances(const BasisPoints& basis_x,
                               const DistanceFieldSolver& solver_y,
-                              absl::Span<const VertexIndex> y_from_x,
+                              const MeasuredMap& map,
                               const std::stop_token& stop,
                               MapMeasures* measures) {
-  const int anchors = std::min(kAnchors, basis_x.num_points());
+  const int most = std::min(kAnchors, basis_x.num_points());
+  std::vector<int> anchors;
   std::vector<VertexIndex> images;
-  images.reserve(static_cast<std::size_t>(anchors));
-  for (int a = 0; a < anchors; ++a) {
-    images.push_back(y_from_x[basis_x.points()[a]]);
+  for (int a = 0; a < most; ++a) {
+    const VertexIndex anchor = basis_x.points()[a];
+    if (!map.Has(anchor)) continue;
+    anchors.push_back(a);
+    images.push_back(map.y_from_x[anchor]);
   }
-  const float largest_x = LargestReached(basis_x, anchors);
+  const float largest_x = LargestReached(basis_x, most);
   ISOMATCH_ASSIGN_OR_RETURN(const Fields on_y,
                             FieldsOf(solver_y, images, stop));
-  measures->distortions.resize(y_from_x.size());
+  measures->distortions.assign(map.y_from_x.size(), -1);
   double sum = 0;
-  std::vector<float> differences(anchors);
-  for (std::size_t x = 0; x < y_from_x.size(); ++x) {
-    const float* const on_x = basis_x.Profile(static_cast<VertexIndex>(x));
-    for (int a = 0; a < anchors; ++a) {
-      differences[a] =
-          std::abs(std::min(on_x[a], largest_x) - on_y[a][y_from_x[x]]);
+  std::int64_t count = 0;
+  std::vector<float> differences(anchors.size());
+  for (std::size_t x = 0; x < map.y_from_x.size() && !anchors.empty(); ++x) {
+    const auto vertex = static_cast<VertexIndex>(x);
+    if (!map.Has(vertex)) continue;
+    const float* const on_x = basis_x.Profile(vertex);
+    for (std::size_t a = 0; a < anchors.size(); ++a) {
+      differences[a] = std::abs(std::min(on_x[anchors[a]], largest_x) -
+                                on_y[a][map.y_from_x[x]]);
       sum += differences[a];
     }
+    count += static_cast<std::int64_t>(anchors.size());
     const auto middle = differences.begin() + differences.size() / 2;
     std::nth_element(differences.begin(), middle, differences.end());
     measures->distortions[x] = *middle;
   }
   measures->geodesic_distortion =
-      sum / (double(y_from_x.size()) * double(anchors));
+      count > 0 ? sum / static_cast<double>(count) : 0;
   return absl::OkStatus();
 }
 
 double Coverage(const DistanceFieldSolver& solver_y, const TriangleMesh& mesh_y,
-                absl::Span<const VertexIndex> y_from_x, float reach) {
+                const MeasuredMap& map, float reach) {
   // Fronts go no further than the reach, and each image is one source.
   std::vector<float> nearest(mesh_y.num_vertices(), reach);
   std::vector<char> is_image(mesh_y.num_vertices(), false);
   DistanceFieldSolver::Workspace workspace;
-  for (const VertexIndex y : y_from_x) {
-    if (is_image[y]) continue;
+  for (std::size_t x = 0; x < map.y_from_x.size(); ++x) {
+    const VertexIndex y = map.y_from_x[x];
+    if (!map.Has(static_cast<VertexIndex>(x)) || is_image[y]) continue;
     is_image[y] = true;
     solver_y.Lower(y, absl::MakeSpan(nearest), &workspace);
   }
@@ -108,19 +116,22 @@ double Coverage(const DistanceFieldSolver& solver_y, const TriangleMesh& mesh_y,
   return covered / total;
 }
 
-double AreaDistortion(const TriangleMesh& mesh_x, const Positions& images) {
-  const TriangleMesh mapped = {images, mesh_x.faces};
+double AreaDistortion(const TriangleMesh& mesh_x, const MeasuredMap& map) {
+  const TriangleMesh mapped = {map.images, mesh_x.faces};
   double sum = 0;
   double total = 0;
   for (VertexIndex f = 0; f < mesh_x.num_faces(); ++f) {
     const double area = FaceArea(mesh_x, f);
-    if (!(area > 0)) continue;
+    const bool counts = map.Has(mesh_x.faces(f, 0)) &&
+                        map.Has(mesh_x.faces(f, 1)) &&
+                        map.Has(mesh_x.faces(f, 2));
+    if (!(area > 0) || !counts) continue;
     const double ratio = std::clamp(FaceArea(mapped, f) / area,
                                     1 / kLargestAreaRatio, kLargestAreaRatio);
     sum += area * std::abs(std::log(ratio));
     total += area;
   }
-  return sum / total;
+  return total > 0 ? sum / total : 0;
 }
 
 }  // namespace
@@ -134,14 +145,11 @@ absl::StatusOr<MapMeasures> MeasureMap(const TriangleMesh& mesh_x,
   MapMeasures measures;
   const double edge = std::max(MeanEdgeLength(mesh_x), MeanEdgeLength(mesh_y));
   ISOMATCH_RETURN_IF_ERROR(RunBoth(
+      [&] { return MeasureDistances(basis_x, solver_y, map, stop, &measures); },
       [&] {
-        return MeasureDistances(basis_x, solver_y, map.y_from_x, stop,
-                                &measures);
-      },
-      [&] {
-        measures.coverage = Coverage(solver_y, mesh_y, map.y_from_x,
+        measures.coverage = Coverage(solver_y, mesh_y, map,
                                      static_cast<float>(kReachInEdges * edge));
-        measures.area_distortion = AreaDistortion(mesh_x, map.images);
+        measures.area_distortion = AreaDistortion(mesh_x, map);
         return CheckNotCancelled(stop);
       }));
   return measures;

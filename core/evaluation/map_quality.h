@@ -15,7 +15,8 @@ namespace isomatch {
 struct MapMeasures {
   /// For each vertex of X the median over the anchors a of |d_X(x, a) -
   /// d_Y(map(x), map(a))|: 0 for an isometry. A median, so that a few anchors
-  /// whose own images are wrong do not count.
+  /// whose own images are wrong do not count. -1 where the vertex, or every
+  /// anchor, does not count.
   std::vector<float> distortions;
   /// Mean of that difference over all vertices and anchors.
   double geodesic_distortion = 0;
@@ -27,12 +28,15 @@ struct MapMeasures {
   double area_distortion = 0;
 };
 
-/// A dense map.
+/// A dense map, of which some vertices may not count.
 struct MeasuredMap {
   /// The vertices of Y next to the images.
   absl::Span<const VertexIndex> y_from_x;
   /// n_X x 3: where on Y the vertices of X go.
   const Positions& images;
+  /// Not 0 for the vertices of X that count; empty: all.
+  absl::Span<const char> matched = {};
+  bool Has(VertexIndex x) const { return matched.empty() || matched[x]; }
 };
 
 /// Measures a map between clean meshes of equal area. Distances between

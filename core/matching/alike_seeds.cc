@@ -7,8 +7,6 @@
 #include <numeric>
 #include <utility>
 
-#include <Eigen/Geometry>
-
 #include "core/base/parallel.h"
 #include "core/base/random_stream.h"
 #include "core/base/status_macros.h"
@@ -46,17 +44,6 @@ struct RankedTriple {
 
 bool Agree(float a, float b) {
   return std::abs(a - b) <= kTolerance * (kShort + std::min(a, b));
-}
-
-/// On which side of each other, seen from outside, two points lie around a
-/// third, as the sine of an angle.
-double SideAround(const PointFrames& frames, int at, int a, int b) {
-  const Eigen::RowVector3d to_a =
-      frames.positions.row(a) - frames.positions.row(at);
-  const Eigen::RowVector3d to_b =
-      frames.positions.row(b) - frames.positions.row(at);
-  const double length = to_a.norm() * to_b.norm();
-  return length > 0 ? frames.normals.row(at).dot(to_a.cross(to_b)) / length : 0;
 }
 
 class TripleSearch {

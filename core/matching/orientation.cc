@@ -25,16 +25,6 @@ std::vector<int> NearestMatches(const Matching& matching, int a) {
   return result;
 }
 
-/// n_a . (ab x ac) with unit ab and ac.
-double Turn(const PointFrames& frames, int a, int b, int c) {
-  const Eigen::RowVector3d origin = frames.positions.row(a);
-  const Eigen::RowVector3d to_b =
-      (frames.positions.row(b) - origin).normalized();
-  const Eigen::RowVector3d to_c =
-      (frames.positions.row(c) - origin).normalized();
-  return frames.normals.row(a).dot(to_b.cross(to_c));
-}
-
 /// A sum of products of turns on both shapes, and of their magnitudes.
 struct Turns {
   double sum = 0;
@@ -53,10 +43,10 @@ void AddTurns(const Matching& matching, const FramesOfBoth& frames, int a,
   for (std::size_t i = 0; i < near.size(); ++i) {
     for (std::size_t j = 0; j < i; ++j) {
       const double product =
-          Turn(frames.x, matching.point(kX, a), matching.point(kX, near[i]),
-               matching.point(kX, near[j])) *
-          Turn(frames.y, matching.point(kY, a), matching.point(kY, near[i]),
-               matching.point(kY, near[j]));
+          SideAround(frames.x, matching.point(kX, a),
+                     matching.point(kX, near[i]), matching.point(kX, near[j])) *
+          SideAround(frames.y, matching.point(kY, a),
+                     matching.point(kY, near[i]), matching.point(kY, near[j]));
       turns->sum += product;
       turns->magnitude += std::abs(product);
     }
@@ -64,6 +54,15 @@ void AddTurns(const Matching& matching, const FramesOfBoth& frames, int a,
 }
 
 }  // namespace
+
+double SideAround(const PointFrames& frames, int a, int b, int c) {
+  const Eigen::RowVector3d origin = frames.positions.row(a);
+  const Eigen::RowVector3d to_b =
+      (frames.positions.row(b) - origin).normalized();
+  const Eigen::RowVector3d to_c =
+      (frames.positions.row(c) - origin).normalized();
+  return frames.normals.row(a).dot(to_b.cross(to_c));
+}
 
 PointFrames GatherFrames(const Positions& positions, const Positions& normals,
                          const Eigen::VectorXd& curvatures,

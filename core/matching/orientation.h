@@ -20,6 +20,10 @@ PointFrames GatherFrames(const Positions& positions, const Positions& normals,
                          const Eigen::VectorXd& curvatures,
                          const PointPool& pool);
 
+/// On which side of each other, seen from outside, points b and c lie around a:
+/// n_a . (ab x ac) with unit ab and ac, in [-1, 1].
+double SideAround(const PointFrames& frames, int a, int b, int c);
+
 /// Tells a map from its mirror image. For each match a and each two (b, c) of
 /// its 6 nearest matches: whether b and c lie on the same side of each other
 /// around a's outward normal on both shapes, n_a . (ab x ac) on X times the
