@@ -28,6 +28,20 @@ constexpr std::int64_t kOffsetEvery = 3;
 /// Below these, factors of the rank value are rounding.
 constexpr double kPerfectRank = 1e-8;
 constexpr double kPerfectFit = 1e-4;
+/// Of overlaps: how far a vertex may lie from its counterpart at first, and at
+/// last, sqrt(area); steps of the surface once it is known which are pulled.
+constexpr double kFirstTolerance = 0.1;
+constexpr double kLastTolerance = 0.03;
+constexpr int kFirstSteps = 30;
+constexpr int kNextSteps = 6;
+/// What matched area is worth, less how unlike it is: squared difference of
+/// descriptors and 1 - cosine between normals.
+constexpr double kWorth = 1.1;
+constexpr double kLeastWorth = 1e-6;
+/// Distortion that is none, and the open border that doubles the rank value,
+/// sqrt(area).
+constexpr double kLeastDistortion = 1e-3;
+constexpr double kDoublingBorder = 5;
 /// Stands for a misfit that is not finite: X cannot be laid on Y at all.
 constexpr double kNoFit = 1e6;
 
@@ -61,7 +75,10 @@ CandidateChoice::CandidateChoice(const PreparedMesh& x, const PreparedMesh& y,
       stop_(stop),
       radius_(std::max(x.descriptor_radius, y.descriptor_radius)),
       descriptors_{&x.descriptors, &y.descriptors},
-      prepared_radii_{x.descriptor_radius, y.descriptor_radius} {}
+      prepared_radii_{x.descriptor_radius, y.descriptor_radius} {
+  if (options.relation != Relation::kOverlap) return;
+  rule_.emplace(x, y, stop);
+}
 
 /// Describes anew, with the larger radius, the mesh that was prepared with a
 /// smaller one: the finer of the two.
@@ -116,9 +133,15 @@ absl::Status CandidateChoice::RunRounds(
     const int step = round / kRoundsPerStiffness;
     const int next = std::min(end, (step + 1) * kRoundsPerStiffness);
     const double part = last_step > 0 ? double(step) / last_step : 1;
-    ISOMATCH_RETURN_IF_ERROR(alignment->Run(
-        options_.alignment_stiffness_first * std::pow(fall, part), next - round,
-        stop_));
+    const double stiffness =
+        options_.alignment_stiffness_first * std::pow(fall, part);
+    ISOMATCH_RETURN_IF_ERROR(alignment->Run(stiffness, next - round, stop_));
+    if (rule_) {
+      const double left = 1 - double(round) / options_.alignment_rounds;
+      alignment->SetMatched(rule_->Matched(
+          *alignment, std::max(kLastTolerance, kFirstTolerance * left)));
+      ISOMATCH_RETURN_IF_ERROR(alignment->Settle(stiffness, kNextSteps, stop_));
+    }
     round = next;
     progress(double(round - begin) / (end - begin));
   }
@@ -129,6 +152,10 @@ absl::Status CandidateChoice::Judge(const ElasticAlignment& alignment,
                                     MapScores* scores) const {
   const AlignmentScore score = alignment.Score();
   scores->stretch = score.stretch;
+  if (rule_) {
+    scores->normal_mismatch = score.normal_mismatch;
+    return JudgeOverlap(alignment, scores);
+  }
   double misfit = score.stretch;
   if (oriented_) {
     scores->normal_mismatch = misfit = score.normal_mismatch;
@@ -147,12 +174,61 @@ absl::Status CandidateChoice::Judge(const ElasticAlignment& alignment,
   return absl::OkStatus();
 }
 
+absl::Status CandidateChoice::JudgeOverlap(const ElasticAlignment& alignment,
+                                           MapScores* scores) const {
+  double worth = 0;
+  double mismatch = 0;
+  double described_area = 0;
+  for (VertexIndex v = 0; v < x_.mesh.num_vertices(); ++v) {
+    if (!alignment.matched()[v]) continue;
+    const double area = x_.laplacian.mass[v];
+    if (oriented_) worth -= area * alignment.NormalMismatch(v);
+    worth += area * kWorth;
+    if (!described()) continue;
+    const int of_x = descriptors_[kX]->column_of_vertex[v];
+    const int of_y =
+        descriptors_[kY]->column_of_vertex[alignment.y_from_x()[v]];
+    if (of_x < 0 || of_y < 0) continue;
+    described_area += area;
+    mismatch += area * (descriptors_[kX]->columns.col(of_x) -
+                        descriptors_[kY]->columns.col(of_y))
+                           .squaredNorm();
+  }
+  if (described_area > 0) {
+    scores->descriptor_mismatch = mismatch / described_area;
+    worth -= mismatch;
+  }
+  ISOMATCH_ASSIGN_OR_RETURN(const OverlapMisfit misfit,
+                            rule_->Misfit(alignment));
+  scores->rank_value *= std::max(misfit.distortion, kLeastDistortion) *
+                        (1 + misfit.open_border / kDoublingBorder) /
+                        std::max(worth, kLeastWorth);
+  return absl::OkStatus();
+}
+
+absl::StatusOr<std::unique_ptr<ElasticAlignment>> CandidateChoice::LayOut(
+    const AlignmentOptions& options, const Candidate& candidate) const {
+  auto alignment =
+      std::make_unique<ElasticAlignment>(x_, y_, options, candidate.y_from_x);
+  if (rule_) {
+    alignment->SetMatched(rule_->NearMatches(candidate.sparse));
+    ISOMATCH_RETURN_IF_ERROR(alignment->Settle(
+        options_.alignment_stiffness_first, kFirstSteps, stop_));
+  }
+  return alignment;
+}
+
 absl::StatusOr<std::unique_ptr<ElasticAlignment>> CandidateChoice::Choose(
     const std::function<void(double)>& progress,
     std::vector<Candidate>* candidates) {
   AlignmentOptions alignment_options;
   alignment_options.basis = options_.alignment_basis;
-  alignment_options.carry_x = options_.relation == Relation::kPartOfY;
+  alignment_options.carry_x = options_.relation != Relation::kWhole;
+  if (rule_) {
+    // Eigenfunctions of parts differ.
+    alignment_options.basis = 1;
+    alignment_options.spectral_weight = 0;
+  }
   if (!oriented_) alignment_options.normal_weight = 0;
   if (described()) ISOMATCH_RETURN_IF_ERROR(DescribeAlike());
   const int rounds = std::min(kJudgedRounds, options_.alignment_rounds);
@@ -164,14 +240,15 @@ absl::StatusOr<std::unique_ptr<ElasticAlignment>> CandidateChoice::Choose(
       ISOMATCH_RETURN_IF_ERROR(Filter(&candidate.y_from_x));
     }
     candidate.filtered = candidate.y_from_x;
-    auto alignment = std::make_unique<ElasticAlignment>(
-        x_, y_, alignment_options, candidate.y_from_x);
+    ISOMATCH_ASSIGN_OR_RETURN(std::unique_ptr<ElasticAlignment> alignment,
+                              LayOut(alignment_options, candidate));
     const auto report = [&](double fraction) {
       progress((double(i) + fraction) /
                static_cast<double>(candidates->size()));
     };
     ISOMATCH_RETURN_IF_ERROR(RunRounds(0, rounds, report, alignment.get()));
     candidate.y_from_x = alignment->y_from_x();
+    candidate.matched = alignment->matched();
     ISOMATCH_RETURN_IF_ERROR(Judge(*alignment, &candidate.scores));
     if (best == nullptr || candidate.scores.rank_value < least) {
       least = candidate.scores.rank_value;

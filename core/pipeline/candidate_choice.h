@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <stop_token>
 #include <vector>
 
@@ -12,6 +13,7 @@
 #include "core/base/vertex_index.h"
 #include "core/descriptor/nearby_match.h"
 #include "core/pipeline/correspondence.h"
+#include "core/pipeline/counterpart_rule.h"
 #include "core/pipeline/match_options.h"
 #include "core/pipeline/prepared_mesh.h"
 
@@ -22,6 +24,8 @@ struct Candidate {
   std::vector<VertexMatch> sparse;
   VertexMap y_from_x;
   VertexMap filtered;  ///< y_from_x before the elastic alignment
+  /// Not 0 for the vertices of X that have a counterpart; empty: all.
+  std::vector<char> matched;
   MapScores scores;
   double objective = 0;  ///< Eq. 4
 };
@@ -39,7 +43,10 @@ class CandidateChoice {
   /// the elastic alignment; completes the scores and multiplies the rank value
   /// of the first stage with the squared mismatches of normals and descriptors
   /// (where surfaces are not oriented, with the squared stretch); sorts by it
-  /// and returns the alignment of the best.
+  /// and returns the alignment of the best. Where both shapes are parts it also
+  /// finds which vertices are matched; there the rank value is divided by their
+  /// area, of which unlike places count less, and multiplied by what
+  /// CounterpartRule::Misfit says.
   ///
   /// REQUIRES: at least one candidate, all dense. Errors as ElasticAlignment.
   absl::StatusOr<std::unique_ptr<ElasticAlignment>> Choose(
@@ -64,8 +71,12 @@ class CandidateChoice {
   absl::Status RunRounds(int begin, int end,
                          const std::function<void(double)>& progress,
                          ElasticAlignment* alignment) const;
+  absl::StatusOr<std::unique_ptr<ElasticAlignment>> LayOut(
+      const AlignmentOptions& options, const Candidate& candidate) const;
   absl::Status Judge(const ElasticAlignment& alignment,
                      MapScores* scores) const;
+  absl::Status JudgeOverlap(const ElasticAlignment& alignment,
+                            MapScores* scores) const;
   bool described() const { return oriented_ && options_.descriptor_radius > 0; }
 
   const std::array<PointColumns, 2> functions_;
@@ -82,6 +93,7 @@ class CandidateChoice {
   std::array<const ShapeDescriptors*, 2> descriptors_;
   const std::array<double, 2> prepared_radii_;
   std::array<ShapeDescriptors, 2> own_;
+  std::optional<CounterpartRule> rule_;  ///< of overlaps
 };
 
 /// 1 - rank value of the best / of the next; 1 without a next, 0 when nothing

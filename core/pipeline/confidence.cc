@@ -18,13 +18,13 @@ constexpr double kUsualDistortion = 0.08;
 constexpr double kPerDistortion = 1;
 constexpr int kSmoothings = 5;
 
-/// Averages over one-rings, over and over: signs are noisy, errors are not.
-/// Negative values are not known, and become what is known around them.
+}  // namespace
+
 std::vector<double> Smoothed(absl::Span<const float> values,
-                             const VertexStars& stars) {
+                             const VertexStars& stars, int rounds) {
   std::vector<double> current(values.begin(), values.end());
   std::vector<double> next(values.size());
-  for (int round = 0; round < kSmoothings; ++round) {
+  for (int round = 0; round < rounds; ++round) {
     for (std::size_t v = 0; v < values.size(); ++v) {
       const auto neighbors = stars.Neighbors(static_cast<VertexIndex>(v));
       double sum = 0;
@@ -43,15 +43,13 @@ std::vector<double> Smoothed(absl::Span<const float> values,
   return current;
 }
 
-}  // namespace
-
 std::vector<float> ConfidenceOf(const ErrorSigns& signs,
                                 const VertexStars& stars_x) {
   std::vector<double> expected(signs.distortions.size(), kBase);
   const auto add = [&](absl::Span<const float> sign, double usual,
                        double factor) {
     if (sign.empty()) return;
-    const std::vector<double> smoothed = Smoothed(sign, stars_x);
+    const std::vector<double> smoothed = Smoothed(sign, stars_x, kSmoothings);
     for (std::size_t v = 0; v < expected.size(); ++v) {
       expected[v] += factor * std::max(0.0, smoothed[v] - usual);
     }

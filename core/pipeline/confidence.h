@@ -20,6 +20,11 @@ struct ErrorSigns {
   absl::Span<const float> offsets;
 };
 
+/// Averages over one-rings, over and over: signs are noisy, errors are not.
+/// Negative values are not known, and become what is known around them.
+std::vector<double> Smoothed(absl::Span<const float> values,
+                             const VertexStars& stars, int rounds);
+
 /// Returns the confidence of each vertex, exp(-e / 0.05) for an expected error
 /// e, in sqrt(area), that is linear in the signs averaged over neighborhoods.
 /// The coefficients were fitted to the true errors of 23 FAUST and TOSCA pairs;

@@ -102,6 +102,11 @@ absl::Status ValidateRelation(const MatchOptions& o) {
         ", expected auto with relation whole, which takes both areas for "
         "equal"));
   }
+  if (o.relation == Relation::kOverlap && o.scale == LengthScale::kAuto) {
+    return absl::InvalidArgumentError(
+        "options.scale: auto, expected same with relation overlap: what two "
+        "parts have in common does not tell their unit");
+  }
   if (o.alignment_rounds > 0 && o.pool_size > 0 &&
       !o.candidates_from_environments &&
       o.selection == Selection::kEmbeddingError) {

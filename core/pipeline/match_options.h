@@ -58,7 +58,7 @@ struct MatchOptions {
   Profile profile = Profile::kDefault;
   /// Not in the paper.
   Relation relation = Relation::kWhole;
-  /// Not of whole shapes. Not in the paper.
+  /// kAuto of whole shapes, kSame of overlaps. Not in the paper.
   LengthScale scale = LengthScale::kAuto;
   /// Same input, options and random seed give the same result.
   std::uint64_t random_seed = 1;

@@ -8,7 +8,6 @@
 #include <unordered_map>
 #include <utility>
 
-#include "absl/strings/str_cat.h"
 #include "core/alignment/elastic_alignment.h"
 #include "core/base/parallel.h"
 #include "core/base/random_stream.h"
@@ -17,16 +16,15 @@
 #include "core/matching/final_swapping.h"
 #include "core/matching/first_stage.h"
 #include "core/matching/objective.h"
+#include "core/matching/overlap_growth.h"
 #include "core/matching/second_stage.h"
 #include "core/pipeline/candidate_choice.h"
+#include "core/pipeline/conclusion.h"
 #include "core/pipeline/landmarks.h"
-#include "core/pipeline/lifting.h"
 #include "core/pipeline/prepared_mesh.h"
 #include "core/pipeline/progress_reporter.h"
-#include "core/pipeline/quality_report.h"
 #include "core/pipeline/stage_plan.h"
 #include "core/pipeline/user_numbering.h"
-#include "core/spectral/functional_map.h"
 #include "core/spectral/zoomout.h"
 
 namespace isomatch {
@@ -71,7 +69,7 @@ class MatchRun {
     ISOMATCH_RETURN_IF_ERROR(Refine());
     ISOMATCH_RETURN_IF_ERROR(Choose());
     ISOMATCH_RETURN_IF_ERROR(Align());
-    ISOMATCH_RETURN_IF_ERROR(Conclude());
+    ISOMATCH_RETURN_IF_ERROR(Finish());
     return std::move(result_);
   }
 
@@ -142,6 +140,9 @@ class MatchRun {
     const Seed trusted = TrustedLandmarks();
     const std::vector<Seed> seeds =
         SeedsWithLandmarks(trusted, OwnSeeds(), options_.landmarks_exact);
+    if (options_.relation == Relation::kOverlap) {
+      return GrowOverlap(seeds, trusted);
+    }
     std::optional<PointCosts> costs;
     if (part_ != nullptr) {
       costs.emplace(PointCosts{part_->differences, kUnlikenessWeight});
@@ -169,10 +170,58 @@ class MatchRun {
       if (map.wrong_side && !maps.front().wrong_side) continue;
       candidates_.push_back(MakeCandidate(map));
     }
+    EndFirstInsertion();
+    return absl::OkStatus();
+  }
+
+  /// Part of the landmarks that a match sends elsewhere or leaves out.
+  double ContradictedBy(const GrownOverlap& grown, const Seed& trusted) const {
+    if (trusted.empty()) return 0;
+    int kept = 0;
+    for (const PointMatch& landmark : trusted) {
+      for (const PointMatch& match : grown.matches) {
+        kept += match.x == landmark.x &&
+                part_->distances[kY](match.y, landmark.y) < kLandmarkTolerance;
+      }
+    }
+    return 1 - double(kept) / static_cast<double>(trusted.size());
+  }
+
+  absl::Status GrowOverlap(const std::vector<Seed>& seeds,
+                           const Seed& trusted) {
+    progress_.Begin(Stage::kFirstInsertion);
+    OverlapGrowthOptions growth;
+    growth.oriented = oriented();
+    growth.pinned =
+        options_.landmarks_exact ? static_cast<int>(trusted.size()) : 0;
+    growth.max_results = options_.candidates;
+    ISOMATCH_ASSIGN_OR_RETURN(
+        const std::vector<GrownOverlap> grown,
+        GrowOverlaps({part_->differences,
+                      {part_->distances[kX], frames_[kX]},
+                      {part_->distances[kY], frames_[kY]}},
+                     seeds, growth, stop_));
+    if (grown.empty()) {
+      return absl::FailedPreconditionError(
+          "no overlap of mesh_x and mesh_y was found; if they have one, give "
+          "known matches in it as landmarks");
+    }
+    for (const GrownOverlap& one : grown) {
+      const auto size = static_cast<int>(one.matches.size());
+      RankedMap map = {Matching(pools_[kX], pools_[kY], size)};
+      for (const PointMatch& match : one.matches) map.matching.Add(match);
+      map.contradiction = ContradictedBy(one, trusted);
+      map.badness = LandmarkPenalty(map.contradiction) / one.score;
+      candidates_.push_back(MakeCandidate(map));
+    }
+    EndFirstInsertion();
+    return absl::OkStatus();
+  }
+
+  void EndFirstInsertion() {
     Keep(Stage::kFirstInsertion);
     // The tables are used up; what follows needs the memory.
     for (const Side side : {kX, kY}) pools_[side] = PointPool();
-    return absl::OkStatus();
   }
 
   Candidate MakeCandidate(const RankedMap& map) const {
@@ -320,131 +369,20 @@ class MatchRun {
     ISOMATCH_RETURN_IF_ERROR(
         choice_->Finish(moved, progress_.Share(0, 1), alignment_.get()));
     best().y_from_x = alignment_->y_from_x();
+    best().matched = alignment_->matched();
     ISOMATCH_ASSIGN_OR_RETURN(offsets_,
                               choice_->DescriptorOffsets(best().y_from_x));
     Keep(Stage::kAlignment);
     return absl::OkStatus();
   }
 
-  absl::Status Conclude() {
+  absl::Status Finish() {
     progress_.Begin(Stage::kQuality);
-    std::vector<SurfacePoint> points;
-    if (alignment_ != nullptr) {
-      ISOMATCH_ASSIGN_OR_RETURN(points, alignment_->PrecisePoints(stop_));
-    }
-    ISOMATCH_RETURN_IF_ERROR(ReportMap(points));
-    ReportLandmarks();
-    ISOMATCH_RETURN_IF_ERROR(ReportScores());
-    ISOMATCH_RETURN_IF_ERROR(ReportQuality(
-        shape(kX), shape(kY),
-        {best().y_from_x, points, best().filtered, offsets_, alignment_.get()},
-        stop_, &result_));
-    result_.relation = options_.relation;
-    if (options_.scale == LengthScale::kAuto) {
-      result_.scale = std::sqrt(shape(kY).full.area / shape(kX).full.area) *
-                      (part_ == nullptr ? 1 : part_->scale);
-    }
-    result_.area_x = shape(kX).full.area;
-    result_.area_y = shape(kY).full.area;
-    result_.warnings_x = shape(kX).full.warnings;
-    result_.warnings_y = shape(kY).full.warnings;
-    if (result_.scores.orientation_score < 0) {
-      result_.warnings.push_back(
-          absl::StrCat("the map is probably mirrored: orientation score ",
-                       result_.scores.orientation_score));
-    }
-    if (options_.keep_stage_maps) {
-      result_.stage_maps.push_back({Stage::kQuality, result_.y_from_x});
-    }
+    ISOMATCH_RETURN_IF_ERROR(
+        Conclude({shapes_, user_landmarks_, candidates_, alignment_.get(),
+                  offsets_, part_ == nullptr ? 1 : part_->scale},
+                 options_, stop_, &result_));
     progress_.Finish();
-    return absl::OkStatus();
-  }
-
-  bool decimated() const { return shape(kX).coarse || shape(kY).coarse; }
-
-  /// The landmarks that are kept, between vertices of the full meshes.
-  std::vector<VertexMatch> KeptLandmarks() const {
-    std::vector<VertexMatch> kept;
-    for (std::size_t i = 0; i < user_landmarks_.size(); ++i) {
-      if (!result_.landmarks[i].kept) continue;
-      kept.push_back({shape(kX).full.working_from_user[user_landmarks_[i].x],
-                      shape(kY).full.working_from_user[user_landmarks_[i].y]});
-    }
-    return kept;
-  }
-
-  /// The map for all vertices. `points`: empty without an alignment.
-  absl::Status ReportMap(const std::vector<SurfacePoint>& points) {
-    if (!decimated()) {
-      result_.y_from_x = UserMap(best().y_from_x);
-      result_.precise =
-          ToUserPoints(solved(kX), solved(kY), points, result_.y_from_x);
-      return absl::OkStatus();
-    }
-    ISOMATCH_ASSIGN_OR_RETURN(
-        const LiftedMap lifted,
-        LiftMap(shape(kX), shape(kY),
-                points.empty() ? PointsAtVertices(solved(kY), best().y_from_x)
-                               : points,
-                KeptLandmarks(), stop_));
-    const WorkingMesh& x = shape(kX).full;
-    const WorkingMesh& y = shape(kY).full;
-    result_.y_from_x = ToUserMap(x, y, lifted.y_from_x);
-    result_.precise = ToUserPoints(x, y, lifted.points, result_.y_from_x);
-    return absl::OkStatus();
-  }
-
-  /// Where landmarks went in the end. Vertices that coincide after cleaning
-  /// have one image; a kept landmark names its own.
-  void ReportLandmarks() {
-    int changed = 0;
-    for (std::size_t i = 0; i < user_landmarks_.size(); ++i) {
-      LandmarkOutcome& outcome = result_.landmarks[i];
-      if (outcome.kept) {
-        const auto& [x, y] = user_landmarks_[i];
-        result_.y_from_x[x] = y;
-        result_.precise[x] = {{y, y, y}, {1, 0, 0}};
-      }
-      outcome.y_found = result_.y_from_x[user_landmarks_[i].x];
-      changed += !outcome.kept;
-    }
-    if (changed > 0) {
-      result_.warnings.push_back(
-          absl::StrCat(changed, " of ", user_landmarks_.size(),
-                       " landmarks contradict the rest and were not kept"));
-    }
-  }
-
-  absl::Status ReportScores() {
-    for (const VertexMatch& match : best().sparse) {
-      result_.sparse_matches.push_back({solved(kX).user_from_working[match.x],
-                                        solved(kY).user_from_working[match.y]});
-    }
-    result_.objective = best().objective;
-    result_.scores = best().scores;
-    for (std::size_t i = 1; i < candidates_.size(); ++i) {
-      result_.alternatives.push_back({{}, candidates_[i].scores});
-      VertexMap* const map = &result_.alternatives.back().y_from_x;
-      if (!decimated()) {
-        *map = UserMap(candidates_[i].y_from_x);
-        continue;
-      }
-      ISOMATCH_ASSIGN_OR_RETURN(
-          const LiftedMap lifted,
-          LiftMap(shape(kX), shape(kY),
-                  PointsAtVertices(solved(kY), candidates_[i].y_from_x), {},
-                  stop_));
-      *map = ToUserMap(shape(kX).full, shape(kY).full, lifted.y_from_x);
-    }
-    result_.symmetry_confidence = SymmetryConfidence(options_, candidates_);
-    if (options_.keep_functional_map && shape(kX).spectral.size() > 0) {
-      const int k =
-          std::min(shape(kX).spectral.size(), shape(kY).spectral.size());
-      result_.functional_map = FunctionalMapFromVertexMap(
-          shape(kX).spectral, shape(kY).spectral, best().y_from_x, k);
-      result_.eigenvalues_x = shape(kX).spectral.eigenvalues.head(k);
-      result_.eigenvalues_y = shape(kY).spectral.eigenvalues.head(k);
-    }
     return absl::OkStatus();
   }
 
@@ -459,7 +397,8 @@ class MatchRun {
   const Candidate& best() const { return candidates_.front(); }
 
   void Keep(Stage stage) {
-    if (options_.keep_stage_maps) {
+    // A part of X is mapped to it, and turned around in the end.
+    if (options_.keep_stage_maps && options_.relation != Relation::kPartOfX) {
       result_.stage_maps.push_back({stage, UserMap(best().y_from_x)});
     }
   }

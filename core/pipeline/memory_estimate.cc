@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <initializer_list>
 #include <thread>
+#include <utility>
 
 #include "core/descriptor/shot_descriptor.h"
 #include "core/geodesic/basis_points.h"
@@ -175,22 +176,37 @@ PartStartBytes PartStartBytesOf(MeshSize x, MeshSize y,
   return bytes;
 }
 
+/// A part is brought to the other's unit in a copy.
+double CopiedBytes(const FullBytes& full, const ShapeBytes& solved) {
+  return full.later + solved.working + solved.fields + solved.functions +
+         solved.descriptors;
+}
+
+/// What CounterpartRule takes: distances to the rims, and between what is
+/// matched. `n`: vertices of both shapes.
+double RuleBytes(double stencils, double n, const MatchOptions& options) {
+  if (options.relation != Relation::kOverlap) return 0;
+  return stencils + kWorkspacePerVertex * n * Threads(options);
+}
+
 }  // namespace
 
 std::int64_t EstimatePreparedExtraBytes(MeshSize x, MeshSize y,
                                         const MatchOptions& options) {
+  if (options.relation == Relation::kPartOfX) std::swap(x, y);
   const ShapeBytes solved = BytesOf(SolvedSize(x, options), 0, options);
   constexpr double kLargest = 9e18;
   return static_cast<std::int64_t>(
-      std::min(MeshBytes(x) + MeshBytes(y) + FullBytesOf(x, options).later +
-                   solved.working + solved.fields + solved.functions +
-                   solved.descriptors,
+      std::min(MeshBytes(x) + MeshBytes(y) +
+                   CopiedBytes(FullBytesOf(x, options), solved),
                kLargest));
 }
 
 std::int64_t EstimateMemoryBytes(MeshSize x, MeshSize y,
                                  std::int64_t num_landmarks,
                                  const MatchOptions& options) {
+  // The part is laid on the whole.
+  if (options.relation == Relation::kPartOfX) std::swap(x, y);
   const FullBytes full_x = FullBytesOf(x, options);
   const FullBytes full_y = FullBytesOf(y, options);
   x = SolvedSize(x, options);
@@ -212,12 +228,8 @@ std::int64_t EstimateMemoryBytes(MeshSize x, MeshSize y,
       std::abs(double(x.vertices - y.vertices)) > 0.1 * n
           ? std::max(bytes_x.descriptors, bytes_y.descriptors)
           : 0;
-  // A part is brought to the other's unit in a copy.
   const bool is_part = options.relation != Relation::kWhole;
-  const double copied = is_part
-                            ? full_x.later + bytes_x.working + bytes_x.fields +
-                                  bytes_x.functions + bytes_x.descriptors
-                            : 0;
+  const double copied = is_part ? CopiedBytes(full_x, bytes_x) : 0;
   const double late = fields + both(&ShapeBytes::functions) + copied;
   const PartStartBytes part_start =
       is_part ? PartStartBytesOf(x, y, num_landmarks, options)
@@ -239,7 +251,8 @@ std::int64_t EstimateMemoryBytes(MeshSize x, MeshSize y,
       late + both(&ShapeBytes::columns) + search,
       late + both(&ShapeBytes::columns) + both(&ShapeBytes::descriptors) +
           described_anew + search + kBallPerVertex * n * threads +
-          both(&ShapeBytes::features) + bytes_x.surface,
+          both(&ShapeBytes::features) + bytes_x.surface +
+          RuleBytes(both(&ShapeBytes::stencils), n, options),
   });
   constexpr double kLargest = 9e18;
   const double with_full = std::max(full_x.at_first + full_y.at_first,

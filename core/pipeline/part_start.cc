@@ -57,6 +57,7 @@ struct Effort {
 constexpr Effort kToScan = {200, 8000, 100};
 constexpr Effort kToCompare = {kPartPoolSize, 20000, 100};
 constexpr Effort kToMatch = {kPartPoolSize, 40000, 300};
+constexpr Effort kToOverlap = {kPartPoolSize, 40000, 120};
 
 double Apart(double a, double b) { return std::abs(std::log(a / b)); }
 
@@ -198,8 +199,10 @@ class StartSearch {
   }
 
   PartStart Result(Start start) && {
+    of_x_.distances *= static_cast<float>(start.scale);
     return {start.scale,
             {std::move(of_x_.vertices), std::move(of_y_.vertices)},
+            {std::move(of_x_.distances), std::move(of_y_.distances)},
             std::move(start.differences),
             std::move(start.found.seeds)};
   }
@@ -336,7 +339,9 @@ absl::StatusOr<PartStart> FindPartStart(const PreparedMesh& x,
   if (options.scale == LengthScale::kAuto) {
     ISOMATCH_ASSIGN_OR_RETURN(scale, search.Scale());
   }
-  ISOMATCH_ASSIGN_OR_RETURN(Start start, search.At(scale, kToMatch));
+  const bool overlap = options.relation == Relation::kOverlap;
+  ISOMATCH_ASSIGN_OR_RETURN(Start start,
+                            search.At(scale, overlap ? kToOverlap : kToMatch));
   control.progress(1);
   return std::move(search).Result(std::move(start));
 }

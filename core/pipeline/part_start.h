@@ -24,12 +24,14 @@ inline constexpr float kUnlikenessWeight = 0.02f;
 /// with.
 inline constexpr int kPartPoolSize = 400;
 
-/// What a map from a part to a whole grows from.
+/// What a map from a part to a whole, or to another part, grows from.
 struct PartStart {
   /// X's lengths times this are in Y's unit, sqrt(area of Y).
   double scale = 1;
   /// Vertices of the pools.
   std::array<std::vector<VertexIndex>, 2> pools;
+  /// Between them, each P x P, in Y's unit.
+  std::array<Eigen::MatrixXf, 2> distances;
   /// P_Y x P_X: how unlike the points look, PointDifferences.
   Eigen::MatrixXf differences;
   /// AlikeSeeds of them; none where no three points agree.

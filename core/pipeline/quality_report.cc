@@ -1,12 +1,9 @@
 #include "core/pipeline/quality_report.h"
 
-#include <algorithm>
-
 #include "core/base/status_macros.h"
 #include "core/evaluation/map_quality.h"
 #include "core/mesh/vertex_stars.h"
 #include "core/pipeline/confidence.h"
-#include "core/pipeline/user_numbering.h"
 
 namespace isomatch {
 namespace {
@@ -21,9 +18,11 @@ float ValueAt(const PreparedMesh& x, const Eigen::VectorXd& values,
 
 }  // namespace
 
-absl::Status ReportQuality(const PreparedMesh& x, const PreparedMesh& y,
-                           const SolvedMap& map, const std::stop_token& stop,
-                           Correspondence* result) {
+absl::StatusOr<std::vector<float>> ReportQuality(const PreparedMesh& x,
+                                                 const PreparedMesh& y,
+                                                 const SolvedMap& map,
+                                                 const std::stop_token& stop,
+                                                 MapQuality* quality) {
   const TriangleMesh& mesh_x = x.solved().mesh;
   const TriangleMesh& mesh_y = y.solved().mesh;
   Positions images = mesh_y.positions(map.y_from_x, Eigen::all);
@@ -39,23 +38,34 @@ absl::Status ReportQuality(const PreparedMesh& x, const PreparedMesh& y,
   }
   ISOMATCH_ASSIGN_OR_RETURN(
       const MapMeasures measures,
-      MeasureMap(mesh_x, x.hash.basis, mesh_y, {map.y_from_x, images}, stop));
-  const std::vector<float> of_solved = ConfidenceOf(
-      {measures.distortions, moved, residuals, map.offsets}, x.solved().stars);
-  const Eigen::VectorXd confidence =
-      Eigen::Map<const Eigen::VectorXf>(
-          of_solved.data(), static_cast<Eigen::Index>(of_solved.size()))
-          .cast<double>();
-  result->matched_y = MatchedY(y.full);
-  for (const VertexIndex v : x.full.working_from_user) {
-    result->confidence.push_back(v == kNoVertex ? 0
-                                                : ValueAt(x, confidence, v));
+      MeasureMap(mesh_x, x.hash.basis, mesh_y,
+                 {map.y_from_x, images, map.matched}, stop));
+  quality->geodesic_distortion = measures.geodesic_distortion;
+  quality->coverage = measures.coverage;
+  quality->area_distortion = measures.area_distortion;
+  std::vector<float> offsets = map.offsets;
+  // What is not matched says nothing of its neighbors.
+  for (std::size_t v = 0; v < map.matched.size(); ++v) {
+    if (map.matched[v]) continue;
+    for (std::vector<float>* sign : {&moved, &residuals, &offsets}) {
+      if (!sign->empty()) (*sign)[v] = -1;
+    }
   }
-  result->quality = {
-      measures.geodesic_distortion, measures.coverage, measures.area_distortion,
-      static_cast<int>(std::count(result->y_from_x.begin(),
-                                  result->y_from_x.end(), kNoVertex))};
-  return absl::OkStatus();
+  return ConfidenceOf({measures.distortions, moved, residuals, offsets},
+                      x.solved().stars);
+}
+
+std::vector<float> UserConfidence(const PreparedMesh& x,
+                                  const std::vector<float>& confidence) {
+  const Eigen::VectorXd values =
+      Eigen::Map<const Eigen::VectorXf>(
+          confidence.data(), static_cast<Eigen::Index>(confidence.size()))
+          .cast<double>();
+  std::vector<float> of_user;
+  for (const VertexIndex v : x.full.working_from_user) {
+    of_user.push_back(v == kNoVertex ? 0 : ValueAt(x, values, v));
+  }
+  return of_user;
 }
 
 }  // namespace isomatch

@@ -3,7 +3,7 @@
 #include <stop_token>
 #include <vector>
 
-#include "absl/status/status.h"
+#include "absl/status/statusor.h"
 #include "core/alignment/elastic_alignment.h"
 #include "core/base/vertex_index.h"
 #include "core/mesh/surface_point.h"
@@ -21,12 +21,20 @@ struct SolvedMap {
   const VertexMap& filtered;
   const std::vector<float>& offsets;
   const ElasticAlignment* alignment;
+  /// Not 0 for the vertices that count; empty: all.
+  const std::vector<char>& matched;
 };
 
-/// Fills result->quality, result->confidence and result->matched_y: measured on
-/// solved vertices, interpolated in between. REQUIRES: result->y_from_x.
-absl::Status ReportQuality(const PreparedMesh& x, const PreparedMesh& y,
-                           const SolvedMap& map, const std::stop_token& stop,
-                           Correspondence* result);
+/// Fills what is measured of `quality` and returns the confidence of the solved
+/// vertices of X. Errors as MeasureMap.
+absl::StatusOr<std::vector<float>> ReportQuality(const PreparedMesh& x,
+                                                 const PreparedMesh& y,
+                                                 const SolvedMap& map,
+                                                 const std::stop_token& stop,
+                                                 MapQuality* quality);
+
+/// Values of solved vertices for the user's: interpolated, 0 on no face.
+std::vector<float> UserConfidence(const PreparedMesh& x,
+                                  const std::vector<float>& confidence);
 
 }  // namespace isomatch

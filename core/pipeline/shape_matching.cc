@@ -13,6 +13,7 @@
 #include "core/base/status_macros.h"
 #include "core/matching/matching.h"
 #include "core/pipeline/component_matching.h"
+#include "core/pipeline/landmarks.h"
 #include "core/pipeline/match_run.h"
 #include "core/pipeline/memory_plan.h"
 #include "core/pipeline/part_start.h"
@@ -134,13 +135,47 @@ absl::StatusOr<Correspondence> PrepareAndMatchComponents(
                            request.landmarks, match_one, request.control);
 }
 
+/// Brings X into Y's unit and matches it.
+absl::StatusOr<Correspondence> MatchInOneUnit(const MatchInputs& inputs,
+                                              ProgressReporter* reporter,
+                                              const std::stop_token& stop) {
+  reporter->Begin(Stage::kSeeds);
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const PartStart start,
+      FindPartStart(inputs.x, inputs.y, inputs.landmarks, inputs.options,
+                    {reporter->Share(0, 1), stop}));
+  PreparedMesh copy;
+  PreparedMesh* own_x = inputs.own_x;
+  if (own_x == nullptr) own_x = &(copy = inputs.x);
+  ISOMATCH_RETURN_IF_ERROR(Rescale(start.scale, inputs.options, stop, own_x));
+  return RunMatch(
+      {*own_x, own_x, inputs.y, inputs.landmarks, inputs.options, &start},
+      reporter, stop);
+}
+
+/// Of parts the smaller one, as far as it is known, is laid on the other.
+absl::StatusOr<Correspondence> MatchPart(const MatchInputs& inputs,
+                                         ProgressReporter* reporter,
+                                         const std::stop_token& stop) {
+  if (inputs.options.relation != Relation::kPartOfX) {
+    return MatchInOneUnit(inputs, reporter, stop);
+  }
+  // For its errors, which name X and Y as the user does.
+  std::vector<std::string> warnings;
+  ISOMATCH_RETURN_IF_ERROR(
+      TakeLandmarks(inputs.landmarks, inputs.x, inputs.y, &warnings).status());
+  std::vector<Landmark> turned;
+  for (const Landmark& landmark : inputs.landmarks) {
+    turned.push_back({landmark.y, landmark.x});
+  }
+  return MatchInOneUnit({inputs.y, nullptr, inputs.x, turned, inputs.options},
+                        reporter, stop);
+}
+
 /// Matches the shapes as one, whatever components they have.
 absl::StatusOr<Correspondence> MatchWhole(PreparedShape& x, PreparedShape& y,
                                           const Request& request) {
   const MatchOptions& options = request.options;
-  if (options.relation > Relation::kPartOfY) {
-    return absl::UnimplementedError("options.relation: cannot be matched yet");
-  }
   const std::stop_token& stop = request.control.stop;
   ProgressReporter reporter(request.control.progress, StagePlan(options));
   // A shape that was split is prepared again as one when the other has more
@@ -166,16 +201,8 @@ absl::StatusOr<Correspondence> MatchWhole(PreparedShape& x, PreparedShape& y,
     return RunMatch({*whole_x, own_x, *whole_y, request.landmarks, options},
                     &reporter, stop);
   }
-  reporter.Begin(Stage::kSeeds);
-  ISOMATCH_ASSIGN_OR_RETURN(
-      const PartStart start,
-      FindPartStart(*whole_x, *whole_y, request.landmarks, options,
-                    {reporter.Share(0, 1), stop}));
-  PreparedMesh copy;
-  if (own_x == nullptr) own_x = &(copy = *whole_x);
-  ISOMATCH_RETURN_IF_ERROR(Rescale(start.scale, options, stop, own_x));
-  return RunMatch({*own_x, own_x, *whole_y, request.landmarks, options, &start},
-                  &reporter, stop);
+  return MatchPart({*whole_x, own_x, *whole_y, request.landmarks, options},
+                   &reporter, stop);
 }
 
 /// The last word on a whole map, whatever components it was found in.

@@ -26,7 +26,7 @@ FirstStageOptions FirstStageOptionsOf(const MatchOptions& options,
   first.relocation_neighbors = options.relocation_neighbors;
   first.places = options.pool_size > 0 ? kPlaces : 0;
   first.max_results = options.alignment_rounds > 0 ? options.candidates : 1;
-  first.insert_from_x_only = options.relation == Relation::kPartOfY;
+  first.insert_from_x_only = options.relation != Relation::kWhole;
   first.random_seed = options.random_seed;
   return first;
 }

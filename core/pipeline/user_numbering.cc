@@ -35,13 +35,4 @@ std::vector<PrecisePoint> ToUserPoints(const WorkingMesh& x,
   return precise;
 }
 
-std::vector<char> MatchedY(const WorkingMesh& y) {
-  std::vector<char> matched;
-  matched.reserve(y.working_from_user.size());
-  for (const VertexIndex v : y.working_from_user) {
-    matched.push_back(v == kNoVertex ? 0 : 1);
-  }
-  return matched;
-}
-
 }  // namespace isomatch

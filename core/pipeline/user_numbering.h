@@ -20,8 +20,4 @@ std::vector<PrecisePoint> ToUserPoints(const WorkingMesh& x,
                                        const std::vector<SurfacePoint>& points,
                                        const VertexMap& user_map);
 
-/// Correspondence::matched_y: 1 for each of the user's vertices that lies on a
-/// face of Y, else 0.
-std::vector<char> MatchedY(const WorkingMesh& y);
-
 }  // namespace isomatch

@@ -15,6 +15,9 @@ constexpr double kGoodConfidence = 0.6;
 constexpr double kMostAreaDistortion = 0.6;
 constexpr double kLeastCoverage = 0.9;
 constexpr double kLeastSymmetryConfidence = 0.3;
+/// Of overlaps: where less than this of both shapes is matched, most may have
+/// been missed.
+constexpr double kLeastOverlap = 0.5;
 
 /// Area distortion (MapQuality) above which nearly all of a map is torn.
 constexpr double kTornAreaDistortion = 2;
@@ -30,7 +33,7 @@ std::string Confidence(const Correspondence& found) {
 
 /// What of Y a part leaves free says nothing.
 bool IsCovered(const Correspondence& found) {
-  return found.relation == Relation::kPartOfY ||
+  return found.relation != Relation::kWhole ||
          found.quality.coverage >= kLeastCoverage;
 }
 
@@ -39,11 +42,41 @@ std::string Uncovered(const Correspondence& found) {
                       " of the area of Y has a counterpart");
 }
 
+double MatchedShare(const Correspondence& found) {
+  const auto n = static_cast<double>(found.y_from_x.size());
+  return n > 0 ? 1 - found.quality.unmatched / n : 0;
+}
+
+bool IsSmallOverlap(const Correspondence& found) {
+  return found.relation == Relation::kOverlap &&
+         MatchedShare(found) < kLeastOverlap &&
+         found.quality.coverage < kLeastOverlap;
+}
+
 std::string Stretched(const Correspondence& found) {
   return absl::StrCat(
       "faces change their area by a factor of ",
       std::round(10 * std::exp(found.quality.area_distortion)) / 10,
       " on average");
+}
+
+std::string Check(Relation relation) {
+  switch (relation) {
+    case Relation::kWhole:
+      return "check that both are the same kind of shape and whole, or give "
+             "known matches as landmarks";
+    case Relation::kPartOfY:
+      return "check that X is a part of Y, and whether both have one unit, or "
+             "give known matches as landmarks";
+    case Relation::kPartOfX:
+      return "check that Y is a part of X, and whether both have one unit, or "
+             "give known matches as landmarks";
+    case Relation::kOverlap:
+      return "check that both are parts of one shape and have one unit, or "
+             "give "
+             "known matches as landmarks";
+  }
+  return "give known matches as landmarks";
 }
 
 Verdict Bad(const Correspondence& found) {
@@ -56,16 +89,11 @@ Verdict Bad(const Correspondence& found) {
   } else if (!IsCovered(found)) {
     absl::StrAppend(&bad.reason, ", ", Uncovered(found));
     bad.advice =
-        "if X is a part of Y, match it as relation part-of-y; or give known "
-        "matches as landmarks";
+        "if one is a part of the other, match them as relation part-of-y or "
+        "part-of-x; or give known matches as landmarks";
   } else {
     absl::StrAppend(&bad.reason, ", ", Stretched(found));
-    bad.advice =
-        found.relation == Relation::kPartOfY
-            ? "check that X is a part of Y, and whether both have one unit, or "
-              "give known matches as landmarks"
-            : "check that both are the same kind of shape and whole, or give "
-              "known matches as landmarks";
+    bad.advice = Check(found.relation);
   }
   return bad;
 }
@@ -104,6 +132,12 @@ Verdict VerdictOf(const Correspondence& found) {
   }
   const std::string look = "look at the map where confidence is low";
   if (!IsCovered(found)) return Doubtful(Uncovered(found), look);
+  if (IsSmallOverlap(found)) {
+    return Doubtful(
+        absl::StrCat("only ", Percent(MatchedShare(found)), " of X and ",
+                     Percent(found.quality.coverage), " of Y are matched"),
+        "look whether the shapes have more in common");
+  }
   if (!(quality.area_distortion <= kMostAreaDistortion)) {
     return Doubtful(Stretched(found), look);
   }

@@ -97,9 +97,9 @@ FLOORS = {folder: [set(names.split()) for names in floors] for folder, floors in
         " prepared_shape progress verdict",
         "memory_plan progress_reporter stage_plan",
         "prepared_mesh",
-        "candidate_choice component_matching confidence landmarks lifting part_start preparation"
-        " user_numbering",
-        "prepared_shape_io quality_report shape_contents",
+        "candidate_choice component_matching confidence counterpart_rule landmarks lifting"
+        " part_start preparation user_numbering",
+        "conclusion prepared_shape_io quality_report shape_contents",
         "match_run",
         "match_engine matcher shape_matching",
     ],

@@ -60,6 +60,22 @@ TEST(VerdictTest, WhatIsWrongDecidesTheAdvice) {
   EXPECT_THAT(VerdictOf(found).advice, HasSubstr("part"));
 }
 
+TEST(VerdictTest, AnOverlapThatLeavesOutMostOfBothIsDoubtful) {
+  Correspondence found = Good();
+  found.relation = Relation::kOverlap;
+  found.y_from_x.assign(100, 0);
+  found.quality.unmatched = 60;
+  found.quality.coverage = 0.3;
+  EXPECT_EQ(VerdictOf(found).level, VerdictLevel::kDoubtful);
+  EXPECT_EQ(VerdictOf(found).reason,
+            "only 40 % of X and 30 % of Y are matched");
+  // One of them may be large.
+  found.quality.coverage = 0.9;
+  EXPECT_EQ(VerdictOf(found).level, VerdictLevel::kGood);
+  found.quality = {.coverage = 0.3, .unmatched = 0, .mean_confidence = 0.8};
+  EXPECT_EQ(VerdictOf(found).level, VerdictLevel::kGood);
+}
+
 TEST(VerdictTest, EachDoubtIsToldWithWhatToDo) {
   const auto expect_doubt = [](const Correspondence& found,
                                const char* reason) {

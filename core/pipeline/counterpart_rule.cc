@@ -1,0 +1,143 @@
+#include "core/pipeline/counterpart_rule.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/base/parallel.h"
+#include "core/base/status_macros.h"
+#include "core/geodesic/rim_distance.h"
+
+namespace isomatch {
+namespace {
+
+/// Of a sparse match, sqrt(area).
+constexpr float kNearMatch = 0.06f;
+/// 1 - cosine between normals.
+constexpr double kMostTurned = 0.5;
+/// Beyond the rim: nearest to it, but farther away than this, sqrt(area).
+constexpr double kBeyondRim = 0.01;
+/// Vertices of X farther apart than this do not have one place on Y; the one
+/// stays that is nearer, by residual and this much of the normals' mismatch.
+constexpr float kOnePlace = 0.1f;
+constexpr double kTurnWeight = 0.1;
+/// A border nearer to a rim than this ends there, sqrt(area).
+constexpr float kAtRim = 0.06f;
+/// Vertices from which distances are compared, to one in so many others; and
+/// the difference that counts most.
+constexpr VertexIndex kSources = 40;
+constexpr VertexIndex kOthers = 7;
+constexpr double kMostDifference = 0.3;
+
+}  // namespace
+
+CounterpartRule::CounterpartRule(const PreparedMesh& x, const PreparedMesh& y,
+                                 const std::stop_token& stop)
+    : x_(x),
+      solved_x_(x.solved()),
+      solved_y_(y.solved()),
+      stop_(stop),
+      solver_x_(solved_x_.mesh, stop_),
+      solver_y_(solved_y_.mesh, stop_),
+      rim_distances_x_(RimDistances(solved_x_.mesh, solver_x_)),
+      rim_distances_y_(RimDistances(solved_y_.mesh, solver_y_)) {}
+
+std::vector<char> CounterpartRule::NearMatches(
+    absl::Span<const VertexMatch> matches) const {
+  DistanceFieldSolver::Workspace workspace;
+  const VertexIndex n = solved_x_.mesh.num_vertices();
+  std::vector<float> distances(n, kNearMatch);
+  for (const VertexMatch& match : matches) {
+    solver_x_.Lower(match.x, absl::MakeSpan(distances), &workspace);
+  }
+  std::vector<char> matched(n, false);
+  for (VertexIndex x = 0; x < n; ++x) matched[x] = distances[x] < kNearMatch;
+  return matched;
+}
+
+std::vector<char> CounterpartRule::Matched(const ElasticAlignment& alignment,
+                                           double tolerance) const {
+  std::vector<char> matched(solved_x_.mesh.num_vertices(), false);
+  for (VertexIndex x = 0; x < solved_x_.mesh.num_vertices(); ++x) {
+    const double residual = alignment.Residual(x);
+    const VertexIndex y = alignment.y_from_x()[x];
+    matched[x] = residual < tolerance &&
+                 alignment.NormalMismatch(x) < kMostTurned &&
+                 !(rim_distances_y_[y] <= 0 && residual > kBeyondRim);
+  }
+  KeepOneEach(alignment, &matched);
+  return matched;
+}
+
+void CounterpartRule::KeepOneEach(const ElasticAlignment& alignment,
+                                  std::vector<char>* matched) const {
+  const auto misfit = [&](VertexIndex x) {
+    return alignment.Residual(x) + kTurnWeight * alignment.NormalMismatch(x);
+  };
+  VertexMap best(solved_y_.mesh.num_vertices(), kNoVertex);
+  for (VertexIndex x = 0; x < solved_x_.mesh.num_vertices(); ++x) {
+    if (!(*matched)[x]) continue;
+    VertexIndex& other = best[alignment.y_from_x()[x]];
+    if (other == kNoVertex || misfit(x) < misfit(other)) other = x;
+  }
+  for (VertexIndex x = 0; x < solved_x_.mesh.num_vertices(); ++x) {
+    if (!(*matched)[x]) continue;
+    const VertexIndex other = best[alignment.y_from_x()[x]];
+    if (x_.hash.basis.LowerBound(x, other) > kOnePlace) (*matched)[x] = false;
+  }
+}
+
+double CounterpartRule::OpenBorder(const ElasticAlignment& alignment) const {
+  const std::vector<char>& matched = alignment.matched();
+  double length = 0;
+  for (VertexIndex x = 0; x < solved_x_.mesh.num_vertices(); ++x) {
+    if (!matched[x] || rim_distances_x_[x] <= kAtRim ||
+        rim_distances_y_[alignment.y_from_x()[x]] <= kAtRim) {
+      continue;
+    }
+    for (const VertexIndex neighbor : solved_x_.stars.Neighbors(x)) {
+      if (matched[neighbor]) continue;
+      length += (solved_x_.mesh.positions.row(x) -
+                 solved_x_.mesh.positions.row(neighbor))
+                    .norm();
+    }
+  }
+  return length;
+}
+
+absl::StatusOr<OverlapMisfit> CounterpartRule::Misfit(
+    const ElasticAlignment& alignment) const {
+  const std::vector<char>& matched = alignment.matched();
+  const VertexMap& y_from_x = alignment.y_from_x();
+  const VertexIndex n = solved_x_.mesh.num_vertices();
+  const VertexIndex step = std::max<VertexIndex>(1, n / kSources);
+  std::vector<VertexIndex> sources;
+  for (VertexIndex x = 0; x < n; x += step) {
+    if (matched[x]) sources.push_back(x);
+  }
+  std::vector<double> sums(sources.size());
+  std::int64_t others = 0;
+  for (VertexIndex x = 0; x < n; x += kOthers) others += matched[x];
+  ISOMATCH_RETURN_IF_ERROR(ParallelFor(
+      static_cast<std::int64_t>(sources.size()), stop_, [&](std::int64_t i) {
+        DistanceFieldSolver::Workspace workspace;
+        std::vector<float> on_x(n);
+        std::vector<float> on_y(solved_y_.mesh.num_vertices());
+        solver_x_.Solve(sources[i], on_x.data(), 1, &workspace);
+        solver_y_.Solve(y_from_x[sources[i]], on_y.data(), 1, &workspace);
+        for (VertexIndex x = 0; x < n; x += kOthers) {
+          if (!matched[x]) continue;
+          sums[i] += std::min<double>(kMostDifference,
+                                      std::abs(on_x[x] - on_y[y_from_x[x]]));
+        }
+      }));
+  OverlapMisfit misfit;
+  for (const double sum : sums) misfit.distortion += sum;
+  if (others > 0 && !sources.empty()) {
+    misfit.distortion /=
+        static_cast<double>(others) * static_cast<double>(sources.size());
+  }
+  misfit.open_border = OpenBorder(alignment);
+  return misfit;
+}
+
+}  // namespace isomatch
