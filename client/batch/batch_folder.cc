@@ -67,6 +67,7 @@ BatchFolderPair ReadPair(const fs::path& folder, const std::string& name) {
                           .map = stem + ".txt",
                           .precise = ExistingFile(stem + ".precise.txt"),
                           .confidence = ExistingFile(stem + ".confidence.txt"),
+                          .mask_y = ExistingFile(stem + ".mask_y.txt"),
                           .report = stem + ".json"};
   const absl::StatusOr<std::string> bytes = ReadFile(pair.report, "a report");
   if (!bytes.ok()) {

@@ -19,6 +19,7 @@ struct BatchFolderPair {
   /// Empty where the batch wrote none.
   std::string precise = {};
   std::string confidence = {};
+  std::string mask_y = {};
   std::string report = {};
   /// As VerdictLabel; empty in reports of versions that did not judge.
   std::string verdict = {};

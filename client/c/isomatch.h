@@ -94,7 +94,7 @@ typedef struct isomatch_landmark {
  * - "profile": "default", or "paper": as published
  * - "relation": "whole": all of both shapes corresponds, or, with the default
  *   profile, "part-of-y": X is a part of Y, "part-of-x": Y is a part of X,
- *   "overlap": each lacks something that the other has
+ *   "overlap": each lacks something that the other has; needs scale "same"
  * - "scale": "auto", or "same": X and Y have one unit, not with "whole"
  * - "random_seed": 1; 0 or more
  * - "threads": 0: one for each core; the result does not depend on it
@@ -325,6 +325,8 @@ typedef struct isomatch_page {
   const float* confidence;
   /* As of isomatch_result_report, or a REPORT.json of the command line. */
   const char* report;
+  /* As of isomatch_result_mask_y. */
+  const uint8_t* mask_y;
 } isomatch_page;
 
 /* Makes the page of `isomatch view`: one HTML document that asks nothing of the

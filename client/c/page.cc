@@ -1,7 +1,10 @@
+#include <algorithm>
+#include <cstdint>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "absl/types/span.h"
 #include "client/c/arguments.h"
 #include "client/c/mapped_pair.h"
 #include "client/c/objects.h"
@@ -50,6 +53,14 @@ absl::StatusOr<std::string> MakePage(MappedMeshes meshes,
   if (page.confidence != nullptr) {
     details.confidence.assign(page.confidence,
                               page.confidence + view.y_from_x.size());
+  }
+  if (page.mask_y != nullptr) {
+    const absl::Span<const std::uint8_t> mask(page.mask_y,
+                                              view.y.mesh.num_vertices());
+    // One of whole shapes tells nothing.
+    if (std::find(mask.begin(), mask.end(), 0) != mask.end()) {
+      view.matched_y.assign(mask.begin(), mask.end());
+    }
   }
   ISOMATCH_RETURN_IF_ERROR(AddDetails(std::move(details), view));
   return FormatPage(view, {});

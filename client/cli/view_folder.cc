@@ -30,6 +30,7 @@ absl::Status ShowPair(const BatchFolderPair& pair,
       .y = pair.y,
       .map = pair.precise.empty() ? pair.map : pair.precise,
       .confidence = pair.confidence,
+      .mask_y = pair.mask_y,
       .report = pair.report,
       .up = options.up,
       .weld = options.weld};

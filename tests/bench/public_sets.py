@@ -174,18 +174,39 @@ def shrec16_partial(clone, kind):
         yield Pair(stem(path), found[1], clone.mesh(path), null, numbered(*truth))
 
 
+def places_on(clone, null, name):
+    """Where the vertices of a cut lie on the whole shape."""
+    rows = clone.numbers(f"{SHREC16}/cuts/{name}.baryc_gt", 4)
+    corner = null.vertices[null.faces]
+    return (corner[rows[:, 0].astype(int) - 1] * rows[:, 1:, None]).sum(axis=1)
+
+
+def mean_edge(mesh):
+    corner = mesh.vertices[mesh.faces]
+    return np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=2).mean()
+
+
+def shrec16_turned(clone):
+    """The whole shape of a class against its cuts, which lack most of it."""
+    for path in clone.names(f"{SHREC16}/cuts", ".off"):
+        found = re.search(r"_(cat|dog|michael)_shape", path)
+        if not found:
+            continue
+        null = clone.mesh(f"{SHREC16}/null/{found[1]}.off")
+        index, distance = nearest(null.vertices, places_on(clone, null, stem(path)))
+        truth = np.where(distance < 0.8 * mean_edge(null), index, -1)
+        yield Pair(found[1], stem(path), null, clone.mesh(path), numbered(truth))
+
+
 def shrec16_parts(clone):
     """Two cuts of one class that share a quarter to all but a twentieth of the first."""
     names = [stem(path) for path in clone.names(f"{SHREC16}/cuts", ".off")]
     for kind in ("cat", "dog", "michael"):
         null = clone.mesh(f"{SHREC16}/null/{kind}.off")
-        corner = null.vertices[null.faces]
-        edge = np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=2).mean()
+        edge = mean_edge(null)
 
-        def places(name, corner=corner):
-            """Where the vertices of a cut lie on the whole shape."""
-            rows = clone.numbers(f"{SHREC16}/cuts/{name}.baryc_gt", 4)
-            return (corner[rows[:, 0].astype(int) - 1] * rows[:, 1:, None]).sum(axis=1)
+        def places(name, null=null):
+            return places_on(clone, null, name)
 
         members = [name for name in names if f"_{kind}_" in name]
         dice, made = random.Random(kind), 0
@@ -301,6 +322,7 @@ SETS = {
         keeps_files=True),
     "cuts": PublicSet(
         SHREC, "SHREC'16, a part to its whole", 45, lambda clone: shrec16_partial(clone, "cuts")),
+    "cutsturned": PublicSet(SHREC, "SHREC'16, a whole to its part", 45, shrec16_turned),
     "holes": PublicSet(
         SHREC, "SHREC'16, with holes to its whole", 30,
         lambda clone: shrec16_partial(clone, "holes")),

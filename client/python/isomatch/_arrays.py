@@ -18,9 +18,9 @@ def address(values: Any) -> int:
 
 def contiguous(values: Any, code: str) -> Any:
     """Any nesting of numbers as one block: "d" of float64, "f" of float32, "i" of
-    int32."""
+    int32, "B" of bytes."""
     if np is not None:
-        kind = {"d": np.float64, "f": np.float32, "i": np.int32}[code]
+        kind = {"d": np.float64, "f": np.float32, "i": np.int32, "B": np.uint8}[code]
         return np.ascontiguousarray(values, dtype=kind)
     if isinstance(values, array) and values.typecode == code:
         return values

@@ -87,6 +87,7 @@ class Page(Structure):
         ("name_y", c_char_p),
         ("confidence", c_void_p),
         ("report", c_char_p),
+        ("mask_y", c_void_p),
     ]
 
 

@@ -51,12 +51,14 @@ def make(result: MatchResult, x: Mesh, y: Mesh, title: str | None) -> str:
     """Returns the HTML document."""
     mapped = _Mapped(result, x, y)
     confidence = None if result.confidence is None else contiguous(result.confidence, "f")
+    mask = None if result.matched_y is None else contiguous(result.matched_y, "B")
     page = _library.Page(
         None if title is None else _bytes("title", title),
         _bytes("x", x.name or "X"),
         _bytes("y", y.name or "Y"),
         None if confidence is None else address(confidence),
         json.dumps(result.report()).encode(),
+        None if mask is None else address(mask),
     )
     text = _library.Owned("text")
     _library.call("page_make", ctypes.byref(mapped.pair), ctypes.byref(page), text.out)

@@ -59,9 +59,12 @@ class MappedPairTest : public testing::Test {
 
 TEST_F(MappedPairTest, APageIsOneDocument) {
   const std::vector<float> confidence(map_.size(), 0.5F);
-  const isomatch_page page = {"A < B", "left.off", "right.off",
+  const isomatch_page page = {"A < B",
+                              "left.off",
+                              "right.off",
                               confidence.data(),
-                              R"({"verdict": {"level": "good"}})"};
+                              R"({"verdict": {"level": "good"}})",
+                              nullptr};
   ASSERT_EQ(MakePage(&page), ISOMATCH_OK) << isomatch_error_message(error_);
   const std::string html = isomatch_text_data(page_);
   EXPECT_EQ(isomatch_text_size(page_), static_cast<std::int64_t>(html.size()));
@@ -78,11 +81,16 @@ TEST_F(MappedPairTest, FiguresOfAPageLeaveOutWhatHasNoImage) {
     map_[v] = -1;
     confidence[v] = 0;
   }
-  const isomatch_page page = {nullptr, nullptr, nullptr, confidence.data(),
-                              nullptr};
+  std::vector<std::uint8_t> mask(sphere_.num_vertices(), 1);
+  mask[3] = 0;
+  const isomatch_page page = {nullptr,           nullptr, nullptr,
+                              confidence.data(), nullptr, mask.data()};
   ASSERT_EQ(MakePage(&page), ISOMATCH_OK) << isomatch_error_message(error_);
   EXPECT_THAT(isomatch_text_data(page_),
               HasSubstr(R"(["mean confidence","0.75"])"));
+  EXPECT_THAT(
+      isomatch_text_data(page_),
+      HasSubstr(R"(["vertices of Y with a counterpart","641 of 642"])"));
 }
 
 TEST_F(MappedPairTest, WrongMapsAreNamed) {
@@ -111,8 +119,9 @@ TEST_F(MappedPairTest, WrongMapsAreNamed) {
 }
 
 TEST_F(MappedPairTest, AReportOfOtherMeshesIsRefused) {
-  const isomatch_page page = {nullptr, nullptr, nullptr, nullptr,
-                              R"({"mesh_x": {"vertices": 3}})"};
+  const isomatch_page page = {
+      nullptr, nullptr, nullptr, nullptr, R"({"mesh_x": {"vertices": 3}})",
+      nullptr};
   EXPECT_EQ(MakePage(&page), ISOMATCH_INVALID_ARGUMENT);
   EXPECT_THAT(isomatch_error_message(error_), HasSubstr("mesh_x.vertices"));
 }

@@ -161,6 +161,16 @@ TEST_F(ViewFolderTest, ALayerThatAPairLacksIsNotShownFirst) {
   EXPECT_EQ(Element(page, "data-1")["layer"], "confidence");
 }
 
+TEST_F(ViewFolderTest, WhatHasNoCounterpartIsKnownOfPairsWithAMask) {
+  std::string mask = "0\n";
+  for (int i = 1; i < 42; ++i) mask += "1\n";
+  folder_.Write("maps/a__c.mask_y.txt", mask);
+  ASSERT_EQ(View({"-o", page_}).status, kExitSuccess);
+  const std::string page = ReadFile(page_, "a page").value();
+  EXPECT_TRUE(Element(page, "data-0")["matched_y"].is_null());
+  EXPECT_FALSE(Element(page, "data-1")["matched_y"].is_null());
+}
+
 TEST_F(ViewFolderTest, StopsWhenAsked) {
   std::stop_source stop;
   stop.request_stop();
