@@ -80,8 +80,7 @@ void AddJobFlags(CLI::App* command, JobOptions* options) {
                  "--relation", options->relation,
                  "whole: all of both shapes corresponds; part-of-y: X is a "
                  "part of Y, cut off or scanned; part-of-x: Y is a part of X; "
-                 "overlap: each lacks something that the "
-                 "other has, in one unit"),
+                 "overlap: each lacks what the other has, in one unit"),
              "NAME", RelationNames())
       ->capture_default_str();
   SetChoices(command->add_option(
