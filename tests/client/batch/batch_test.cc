@@ -297,8 +297,8 @@ TEST_F(BatchTest, OfPartsTheMaskIsWrittenToo) {
   const std::string list = folder_.Write("one.txt", "a.off b.off\n");
   ASSERT_EQ(Batch({list}).status, kExitSuccess);
   EXPECT_FALSE(fs::exists(Out("a__b.mask_y.txt")));
-  const std::vector<std::string> overlap = {list, "--json", "--relation",
-                                            "overlap"};
+  const std::vector<std::string> overlap = {list,      "--json",  "--relation",
+                                            "overlap", "--scale", "same"};
   EXPECT_THAT(States(Batch(overlap)), ElementsAre("done"));
   EXPECT_EQ(*ReadFile(Out("a__b.mask_y.txt"), "a mask"), "1\n0\n1\n1\n");
   EXPECT_THAT(States(Batch(overlap)), ElementsAre("kept"));

@@ -243,16 +243,23 @@ TEST_F(MatchOutputsTest, FlagsReachTheMethod) {
   EXPECT_TRUE(seen.keep_functional_map);
   EXPECT_EQ(seen.relation, Relation::kWhole);
   for (const Relation relation : kRelations) {
-    Match({"--relation", RelationName(relation), "--report", Path("r")});
+    const LengthScale scale = relation == Relation::kOverlap
+                                  ? LengthScale::kSame
+                                  : LengthScale::kAuto;
+    Match({"--relation", RelationName(relation), "--scale",
+           LengthScaleName(scale), "--report", Path("r")});
+    EXPECT_EQ(seen.scale, scale);
     EXPECT_EQ(seen.relation, relation);
     EXPECT_EQ(Json("r")["relation"], RelationName(relation));
   }
-  EXPECT_EQ(seen.scale, LengthScale::kAuto);
   Match({"--relation", "part-of-y", "--scale", "same"});
   EXPECT_EQ(seen.scale, LengthScale::kSame);
   const CommandOutcome refused = Match({"--scale", "same"});
   EXPECT_EQ(refused.status, kExitUsage);
   EXPECT_THAT(refused.err, HasSubstr("--scale: same, expected auto with"));
+  const CommandOutcome no_unit = Match({"--relation", "overlap"});
+  EXPECT_EQ(no_unit.status, kExitUsage);
+  EXPECT_THAT(no_unit.err, HasSubstr("--scale: auto, expected same with"));
 }
 
 TEST_F(MatchOutputsTest, PointsOfBothShapesBecomeLandmarks) {

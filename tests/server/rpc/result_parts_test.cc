@@ -218,14 +218,14 @@ TEST_F(ResultPartsTest, RelationAndScaleReachTheMethodAndComeBack) {
   v1::Job job;
   for (int relation = 1; relation <= v1::Relation_MAX; ++relation) {
     const auto asked = static_cast<v1::Relation>(relation);
+    const bool same = asked == v1::RELATION_OVERLAP;
     request.mutable_options()->set_relation(asked);
+    request.mutable_options()->set_scale(same ? v1::LENGTH_SCALE_SAME
+                                              : v1::LENGTH_SCALE_AUTO);
     job = Watch(CreateJob(request)).back();
     EXPECT_EQ(job.result().relation(), asked);
-    EXPECT_EQ(job.result().scale(), 0.25);
+    EXPECT_EQ(job.result().scale(), same ? 1 : 0.25);
   }
-  request.mutable_options()->set_scale(v1::LENGTH_SCALE_SAME);
-  job = Watch(CreateJob(request)).back();
-  EXPECT_EQ(job.result().scale(), 1);
 }
 
 TEST_F(ResultPartsTest, TheRealMethodMakesConsistentParts) {
