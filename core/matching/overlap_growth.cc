@@ -337,6 +337,7 @@ class Growth {
 
   double MeanKeptDistances(const std::vector<PointMatch>& matches) const {
     std::vector<int> all;
+    all.reserve(matches.size());
     for (const PointMatch& match : matches) all.push_back(match.x);
     double sum = 0;
     for (const int x : all) sum += KeptDistances(x, all, kKeptDistance);

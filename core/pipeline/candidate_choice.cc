@@ -123,6 +123,15 @@ absl::Status CandidateChoice::Filter(VertexMap* y_from_x) const {
   return absl::OkStatus();
 }
 
+absl::Status CandidateChoice::Mask(int round, double stiffness,
+                                   ElasticAlignment* alignment) const {
+  if (!rule_) return absl::OkStatus();
+  const double left = 1 - double(round) / options_.alignment_rounds;
+  alignment->SetMatched(rule_->Matched(
+      *alignment, std::max(kLastTolerance, kFirstTolerance * left)));
+  return alignment->Settle(stiffness, kNextSteps, stop_);
+}
+
 absl::Status CandidateChoice::RunRounds(
     int begin, int end, const std::function<void(double)>& progress,
     ElasticAlignment* alignment) const {
@@ -136,12 +145,7 @@ absl::Status CandidateChoice::RunRounds(
     const double stiffness =
         options_.alignment_stiffness_first * std::pow(fall, part);
     ISOMATCH_RETURN_IF_ERROR(alignment->Run(stiffness, next - round, stop_));
-    if (rule_) {
-      const double left = 1 - double(round) / options_.alignment_rounds;
-      alignment->SetMatched(rule_->Matched(
-          *alignment, std::max(kLastTolerance, kFirstTolerance * left)));
-      ISOMATCH_RETURN_IF_ERROR(alignment->Settle(stiffness, kNextSteps, stop_));
-    }
+    ISOMATCH_RETURN_IF_ERROR(Mask(round, stiffness, alignment));
     round = next;
     progress(double(round - begin) / (end - begin));
   }
@@ -206,10 +210,23 @@ absl::Status CandidateChoice::JudgeOverlap(const ElasticAlignment& alignment,
   return absl::OkStatus();
 }
 
+AlignmentOptions CandidateChoice::HowAligned() const {
+  AlignmentOptions options;
+  options.basis = options_.alignment_basis;
+  options.carry_x = options_.relation != Relation::kWhole;
+  if (!oriented_) options.normal_weight = 0;
+  if (rule_) {
+    // Eigenfunctions of parts differ.
+    options.basis = 1;
+    options.spectral_weight = 0;
+  }
+  return options;
+}
+
 absl::StatusOr<std::unique_ptr<ElasticAlignment>> CandidateChoice::LayOut(
-    const AlignmentOptions& options, const Candidate& candidate) const {
-  auto alignment =
-      std::make_unique<ElasticAlignment>(x_, y_, options, candidate.y_from_x);
+    const Candidate& candidate) const {
+  auto alignment = std::make_unique<ElasticAlignment>(x_, y_, HowAligned(),
+                                                      candidate.y_from_x);
   if (rule_) {
     alignment->SetMatched(rule_->NearMatches(candidate.sparse));
     ISOMATCH_RETURN_IF_ERROR(alignment->Settle(
@@ -221,15 +238,6 @@ absl::StatusOr<std::unique_ptr<ElasticAlignment>> CandidateChoice::LayOut(
 absl::StatusOr<std::unique_ptr<ElasticAlignment>> CandidateChoice::Choose(
     const std::function<void(double)>& progress,
     std::vector<Candidate>* candidates) {
-  AlignmentOptions alignment_options;
-  alignment_options.basis = options_.alignment_basis;
-  alignment_options.carry_x = options_.relation != Relation::kWhole;
-  if (rule_) {
-    // Eigenfunctions of parts differ.
-    alignment_options.basis = 1;
-    alignment_options.spectral_weight = 0;
-  }
-  if (!oriented_) alignment_options.normal_weight = 0;
   if (described()) ISOMATCH_RETURN_IF_ERROR(DescribeAlike());
   const int rounds = std::min(kJudgedRounds, options_.alignment_rounds);
   std::unique_ptr<ElasticAlignment> best;
@@ -241,7 +249,7 @@ absl::StatusOr<std::unique_ptr<ElasticAlignment>> CandidateChoice::Choose(
     }
     candidate.filtered = candidate.y_from_x;
     ISOMATCH_ASSIGN_OR_RETURN(std::unique_ptr<ElasticAlignment> alignment,
-                              LayOut(alignment_options, candidate));
+                              LayOut(candidate));
     const auto report = [&](double fraction) {
       progress((double(i) + fraction) /
                static_cast<double>(candidates->size()));

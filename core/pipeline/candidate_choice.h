@@ -71,8 +71,12 @@ class CandidateChoice {
   absl::Status RunRounds(int begin, int end,
                          const std::function<void(double)>& progress,
                          ElasticAlignment* alignment) const;
+  AlignmentOptions HowAligned() const;
   absl::StatusOr<std::unique_ptr<ElasticAlignment>> LayOut(
-      const AlignmentOptions& options, const Candidate& candidate) const;
+      const Candidate& candidate) const;
+  /// Of overlaps: what is matched is pulled from then on.
+  absl::Status Mask(int round, double stiffness,
+                    ElasticAlignment* alignment) const;
   absl::Status Judge(const ElasticAlignment& alignment,
                      MapScores* scores) const;
   absl::Status JudgeOverlap(const ElasticAlignment& alignment,
