@@ -83,6 +83,7 @@ CandidateChoice::CandidateChoice(const PreparedMesh& x, const PreparedMesh& y,
 /// Describes anew, with the larger radius, the mesh that was prepared with a
 /// smaller one: the finer of the two.
 absl::Status CandidateChoice::DescribeAlike() {
+  if (!described()) return absl::OkStatus();
   for (const Side side : {kX, kY}) {
     if (prepared_radii_[side] == radius_) continue;
     ISOMATCH_ASSIGN_OR_RETURN(
@@ -94,8 +95,10 @@ absl::Status CandidateChoice::DescribeAlike() {
 }
 
 /// Looks for the most alike vertices near the images, then lets the wavelet
-/// filter find the smooth map behind those noisy matches.
+/// filter find the smooth map behind those noisy matches. Parts, whose
+/// functions differ, stay as they are.
 absl::Status CandidateChoice::Filter(VertexMap* y_from_x) const {
+  if (options_.relation != Relation::kWhole) return absl::OkStatus();
   const SpectralBasis& spectral_x = *spectral_[kX];
   const SpectralBasis& spectral_y = *spectral_[kY];
   const auto k = static_cast<int>(x_.functions.rows());
@@ -238,15 +241,13 @@ absl::StatusOr<std::unique_ptr<ElasticAlignment>> CandidateChoice::LayOut(
 absl::StatusOr<std::unique_ptr<ElasticAlignment>> CandidateChoice::Choose(
     const std::function<void(double)>& progress,
     std::vector<Candidate>* candidates) {
-  if (described()) ISOMATCH_RETURN_IF_ERROR(DescribeAlike());
+  ISOMATCH_RETURN_IF_ERROR(DescribeAlike());
   const int rounds = std::min(kJudgedRounds, options_.alignment_rounds);
   std::unique_ptr<ElasticAlignment> best;
   double least = std::numeric_limits<double>::infinity();
   for (std::size_t i = 0; i < candidates->size(); ++i) {
     Candidate& candidate = (*candidates)[i];
-    if (options_.relation == Relation::kWhole) {
-      ISOMATCH_RETURN_IF_ERROR(Filter(&candidate.y_from_x));
-    }
+    ISOMATCH_RETURN_IF_ERROR(Filter(&candidate.y_from_x));
     candidate.filtered = candidate.y_from_x;
     ISOMATCH_ASSIGN_OR_RETURN(std::unique_ptr<ElasticAlignment> alignment,
                               LayOut(candidate));
