@@ -325,8 +325,6 @@ typedef struct isomatch_page {
   const float* confidence;
   /* As of isomatch_result_report, or a REPORT.json of the command line. */
   const char* report;
-  /* As of isomatch_result_mask_y. */
-  const uint8_t* mask_y;
 } isomatch_page;
 
 /* Makes the page of `isomatch view`: one HTML document that asks nothing of the
@@ -334,6 +332,12 @@ typedef struct isomatch_page {
 ISOMATCH_API isomatch_status
 isomatch_page_make(const isomatch_mapped_pair* pair, const isomatch_page* page,
                    isomatch_text** html, isomatch_error** error);
+
+/* The same, where what has no counterpart is gray on Y, too. `mask_y`: as of
+ * isomatch_result_mask_y, or NULL. */
+ISOMATCH_API isomatch_status isomatch_page_make_masked(
+    const isomatch_mapped_pair* pair, const isomatch_page* page,
+    const uint8_t* mask_y, isomatch_text** html, isomatch_error** error);
 
 /* Carries texture coordinates from Y to X: u and v of each corner of each face,
  * NaN for none. No face of X gets them from two sides of a seam. `uv_y` has

@@ -41,7 +41,8 @@ VertexMap PartnersOf(const MappedMeshes& meshes) {
 }
 
 absl::StatusOr<std::string> MakePage(MappedMeshes meshes,
-                                     const isomatch_page& page) {
+                                     const isomatch_page& page,
+                                     const std::uint8_t* mask_y) {
   PairView view;
   view.precise = OnFaces(meshes);
   view.y_from_x = PartnersOf(meshes);
@@ -54,8 +55,8 @@ absl::StatusOr<std::string> MakePage(MappedMeshes meshes,
     details.confidence.assign(page.confidence,
                               page.confidence + view.y_from_x.size());
   }
-  if (page.mask_y != nullptr) {
-    const absl::Span<const std::uint8_t> mask(page.mask_y,
+  if (mask_y != nullptr) {
+    const absl::Span<const std::uint8_t> mask(mask_y,
                                               view.y.mesh.num_vertices());
     // One of whole shapes tells nothing.
     if (std::find(mask.begin(), mask.end(), 0) != mask.end()) {
@@ -83,6 +84,14 @@ isomatch_status isomatch_page_make(const isomatch_mapped_pair* pair,
                                    const isomatch_page* page,
                                    isomatch_text** html,
                                    isomatch_error** error) {
+  return isomatch_page_make_masked(pair, page, nullptr, html, error);
+}
+
+isomatch_status isomatch_page_make_masked(const isomatch_mapped_pair* pair,
+                                          const isomatch_page* page,
+                                          const std::uint8_t* mask_y,
+                                          isomatch_text** html,
+                                          isomatch_error** error) {
   *html = nullptr;
   return isomatch::Guarded(error, [&]() -> absl::Status {
     ISOMATCH_ASSIGN_OR_RETURN(isomatch::MappedMeshes meshes,
@@ -90,7 +99,7 @@ isomatch_status isomatch_page_make(const isomatch_mapped_pair* pair,
     ISOMATCH_ASSIGN_OR_RETURN(
         std::string made,
         isomatch::MakePage(std::move(meshes),
-                           page == nullptr ? isomatch_page{} : *page));
+                           page == nullptr ? isomatch_page{} : *page, mask_y));
     *html = new isomatch_text{std::move(made)};
     return absl::OkStatus();
   });

@@ -87,7 +87,6 @@ class Page(Structure):
         ("name_y", c_char_p),
         ("confidence", c_void_p),
         ("report", c_char_p),
-        ("mask_y", c_void_p),
     ]
 
 
@@ -100,7 +99,7 @@ _FAILING: dict[str, list[Any]] = {
     "prepare": [POINTER(Mesh), c_void_p, POINTER(Control), _OUT],
     "match": [POINTER(Pair), c_void_p, POINTER(Control), _OUT],
     "mesh_file_read": [c_char_p, _OUT],
-    "page_make": [POINTER(MappedPair), POINTER(Page), _OUT],
+    "page_make_masked": [POINTER(MappedPair), POINTER(Page), c_void_p, _OUT],
     "carry_texture": [POINTER(MappedPair), c_void_p, c_void_p],
 }
 

@@ -58,10 +58,12 @@ def make(result: MatchResult, x: Mesh, y: Mesh, title: str | None) -> str:
         _bytes("y", y.name or "Y"),
         None if confidence is None else address(confidence),
         json.dumps(result.report()).encode(),
-        None if mask is None else address(mask),
     )
     text = _library.Owned("text")
-    _library.call("page_make", ctypes.byref(mapped.pair), ctypes.byref(page), text.out)
+    flags = None if mask is None else address(mask)
+    _library.call(
+        "page_make_masked", ctypes.byref(mapped.pair), ctypes.byref(page), flags, text.out
+    )
     return ctypes.string_at(text.get("data"), text.get("size")).decode()
 
 

@@ -33,10 +33,13 @@ class MappedPairTest : public testing::Test {
     isomatch_text_free(page_);
   }
 
-  isomatch_status MakePage(const isomatch_page* page = nullptr) {
+  isomatch_status MakePage(const isomatch_page* page = nullptr,
+                           const std::uint8_t* mask_y = nullptr) {
     isomatch_text_free(page_);
     isomatch_error_free(error_);
-    return isomatch_page_make(&pair_, page, &page_, &error_);
+    return mask_y == nullptr ? isomatch_page_make(&pair_, page, &page_, &error_)
+                             : isomatch_page_make_masked(&pair_, page, mask_y,
+                                                         &page_, &error_);
   }
 
   void ExpectInvalid(const std::string& field, const std::string& text) {
@@ -59,12 +62,9 @@ class MappedPairTest : public testing::Test {
 
 TEST_F(MappedPairTest, APageIsOneDocument) {
   const std::vector<float> confidence(map_.size(), 0.5F);
-  const isomatch_page page = {"A < B",
-                              "left.off",
-                              "right.off",
+  const isomatch_page page = {"A < B", "left.off", "right.off",
                               confidence.data(),
-                              R"({"verdict": {"level": "good"}})",
-                              nullptr};
+                              R"({"verdict": {"level": "good"}})"};
   ASSERT_EQ(MakePage(&page), ISOMATCH_OK) << isomatch_error_message(error_);
   const std::string html = isomatch_text_data(page_);
   EXPECT_EQ(isomatch_text_size(page_), static_cast<std::int64_t>(html.size()));
@@ -83,9 +83,10 @@ TEST_F(MappedPairTest, FiguresOfAPageLeaveOutWhatHasNoImage) {
   }
   std::vector<std::uint8_t> mask(sphere_.num_vertices(), 1);
   mask[3] = 0;
-  const isomatch_page page = {nullptr,           nullptr, nullptr,
-                              confidence.data(), nullptr, mask.data()};
-  ASSERT_EQ(MakePage(&page), ISOMATCH_OK) << isomatch_error_message(error_);
+  const isomatch_page page = {nullptr, nullptr, nullptr, confidence.data(),
+                              nullptr};
+  ASSERT_EQ(MakePage(&page, mask.data()), ISOMATCH_OK)
+      << isomatch_error_message(error_);
   EXPECT_THAT(isomatch_text_data(page_),
               HasSubstr(R"(["mean confidence","0.75"])"));
   EXPECT_THAT(
@@ -119,9 +120,8 @@ TEST_F(MappedPairTest, WrongMapsAreNamed) {
 }
 
 TEST_F(MappedPairTest, AReportOfOtherMeshesIsRefused) {
-  const isomatch_page page = {
-      nullptr, nullptr, nullptr, nullptr, R"({"mesh_x": {"vertices": 3}})",
-      nullptr};
+  const isomatch_page page = {nullptr, nullptr, nullptr, nullptr,
+                              R"({"mesh_x": {"vertices": 3}})"};
   EXPECT_EQ(MakePage(&page), ISOMATCH_INVALID_ARGUMENT);
   EXPECT_THAT(isomatch_error_message(error_), HasSubstr("mesh_x.vertices"));
 }
