@@ -40,7 +40,7 @@ constexpr int kDropRounds = 20;
 constexpr std::size_t kLeastMatches = 6;
 
 constexpr int kMostPasses = 14;
-/// Passes until points may lose their place, and the distances count.
+/// Passes until points with too few matches around them lose their place.
 constexpr int kFirstPasses = 3;
 /// Results with fewer matches are none.
 constexpr std::size_t kLeastResult = 4;

@@ -8,6 +8,7 @@
 
 #include "core/base/random_stream.h"
 #include "core/mesh/mesh_geometry.h"
+#include "tests/support/shapes.h"
 
 namespace isomatch {
 namespace {
@@ -142,6 +143,19 @@ DirtyMesh WithoutLoneVertices(const DirtyMesh& dirty) {
     builder.AddFace(new_from_old[at.a], new_from_old[at.b], new_from_old[at.c]);
   }
   return builder.Finish();
+}
+
+DirtyMesh MovedPart(const TriangleMesh& whole, const FacePredicate& remove,
+                    std::uint64_t seed, double scale) {
+  DirtyMesh part = WithoutLoneVertices(WithoutFaces(Untouched(whole), remove));
+  const auto permutation = RandomPermutation(part.mesh.num_vertices(), seed);
+  part.mesh = Moved(Relabeled(part.mesh, permutation), scale);
+  VertexMap origin(part.origin.size());
+  for (std::size_t v = 0; v < origin.size(); ++v) {
+    origin[permutation[v]] = part.origin[v];
+  }
+  part.origin = origin;
+  return part;
 }
 
 DirtyMesh WithFlippedFaces(const DirtyMesh& dirty, const FacePredicate& flip) {

@@ -34,6 +34,10 @@ DirtyMesh Untouched(const TriangleMesh& mesh);
 DirtyMesh WithoutFaces(const DirtyMesh& dirty, const FacePredicate& remove);
 /// Renumbered without the vertices that are on no face.
 DirtyMesh WithoutLoneVertices(const DirtyMesh& dirty);
+/// What is left of `whole` without some faces, relabeled and moved, in a unit
+/// that is `scale` times smaller.
+DirtyMesh MovedPart(const TriangleMesh& whole, const FacePredicate& remove,
+                    std::uint64_t seed, double scale);
 /// With some faces turned round.
 DirtyMesh WithFlippedFaces(const DirtyMesh& dirty, const FacePredicate& flip);
 /// With every face on vertices of its own, as STL files have them.

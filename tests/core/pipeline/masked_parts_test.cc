@@ -26,21 +26,6 @@ namespace {
 using testing::Each;
 using testing::HasSubstr;
 
-/// What is left of `whole` without the faces beyond a plane, relabeled and
-/// moved.
-DirtyMesh Part(const TriangleMesh& whole, const FacePredicate& removed,
-               std::uint64_t seed, double scale) {
-  DirtyMesh part = WithoutLoneVertices(WithoutFaces(Untouched(whole), removed));
-  const auto permutation = RandomPermutation(part.mesh.num_vertices(), seed);
-  part.mesh = Moved(Relabeled(part.mesh, permutation), scale);
-  VertexMap origin(part.origin.size());
-  for (std::size_t v = 0; v < origin.size(); ++v) {
-    origin[permutation[v]] = part.origin[v];
-  }
-  part.origin = origin;
-  return part;
-}
-
 /// Of two masks.
 template <typename Mask>
 double Iou(const Mask& a, const Mask& b) {
@@ -76,8 +61,8 @@ class PartOfXTest : public testing::Test {
   static constexpr double kPartScale = 3;
 
   PartOfXTest()
-      : part_(Part(whole_, Beyond({-0.5, -0.6, 0.3}, 0.1), /*seed=*/6,
-                   kPartScale)),
+      : part_(MovedPart(whole_, Beyond({-0.5, -0.6, 0.3}, 0.1), /*seed=*/6,
+                        kPartScale)),
         options_(QuickOptions()) {
     options_.relation = Relation::kPartOfX;
   }
@@ -222,8 +207,8 @@ TEST_F(PartOfXTest, DecimatedShapesAreLifted) {
 class OverlapTest : public testing::Test {
  protected:
   OverlapTest()
-      : x_(Part(whole_, Beyond({-0.5, -0.6, 0.3}, 0.35), /*seed=*/6, 1)),
-        y_(Part(whole_, Beyond({0.8, 0.1, -0.3}, 0.55), /*seed=*/8, 1)),
+      : x_(MovedPart(whole_, Beyond({-0.5, -0.6, 0.3}, 0.35), /*seed=*/6, 1)),
+        y_(MovedPart(whole_, Beyond({0.8, 0.1, -0.3}, 0.55), /*seed=*/8, 1)),
         options_(QuickOptions()) {
     options_.relation = Relation::kOverlap;
     options_.scale = LengthScale::kSame;

@@ -31,16 +31,8 @@ class PartOfYTest : public testing::Test {
   static constexpr double kPartScale = 3;
 
   PartOfYTest() {
-    part_ = WithoutLoneVertices(
-        WithoutFaces(Untouched(whole_), Beyond({-0.5, -0.6, 0.3}, 0.1)));
-    const auto permutation =
-        RandomPermutation(part_.mesh.num_vertices(), /*seed=*/6);
-    part_.mesh = Moved(Relabeled(part_.mesh, permutation), kPartScale);
-    VertexMap origin(part_.origin.size());
-    for (std::size_t v = 0; v < origin.size(); ++v) {
-      origin[permutation[v]] = part_.origin[v];
-    }
-    part_.origin = origin;
+    part_ = MovedPart(whole_, Beyond({-0.5, -0.6, 0.3}, 0.1), /*seed=*/6,
+                      kPartScale);
     options_ = QuickOptions();
     options_.relation = Relation::kPartOfY;
   }
