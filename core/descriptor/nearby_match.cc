@@ -39,7 +39,7 @@ absl::StatusOr<ShapeDescriptors> DescribeShape(const DescribedSurface& surface,
   described.vertices = EvenlyByArea(surface.areas, count);
   ISOMATCH_ASSIGN_OR_RETURN(
       described.columns,
-      ShotDescriptors(surface, described.vertices, radius, stop));
+      ShotDescriptors(surface, described.vertices, {radius}, stop));
   described.column_of_vertex.assign(surface.mesh.num_vertices(), -1);
   for (std::size_t i = 0; i < described.vertices.size(); ++i) {
     described.column_of_vertex[described.vertices[i]] = static_cast<int>(i);
@@ -97,7 +97,7 @@ absl::StatusOr<double> DescriptorMismatch(const ShapeDescriptors& x,
     images.push_back(y_from_x[x.vertices[column]]);
   }
   ISOMATCH_ASSIGN_OR_RETURN(const PointColumns found,
-                            ShotDescriptors(surface_y, images, radius, stop));
+                            ShotDescriptors(surface_y, images, {radius}, stop));
   double sum = 0;
   for (std::size_t i = 0; i < probes; ++i) {
     sum += (x.columns.col(columns[i]) - found.col(static_cast<int>(i)))

@@ -15,20 +15,20 @@ constexpr float kLeastTrust = 0.15f;
 
 absl::StatusOr<PointDescriptors> DescribePoints(
     const DescribedSurface& surface, absl::Span<const VertexIndex> vertices,
-    absl::Span<const float> rim_distances, absl::Span<const double> radii,
+    absl::Span<const float> rim_distances, absl::Span<const ShotBall> balls,
     const std::stop_token& stop) {
   PointDescriptors points;
-  points.trust.resize(static_cast<Eigen::Index>(radii.size()),
+  points.trust.resize(static_cast<Eigen::Index>(balls.size()),
                       static_cast<Eigen::Index>(vertices.size()));
-  for (std::size_t r = 0; r < radii.size(); ++r) {
+  for (std::size_t r = 0; r < balls.size(); ++r) {
     ISOMATCH_ASSIGN_OR_RETURN(
         PointColumns columns,
-        ShotDescriptors(surface, vertices, radii[r], stop));
+        ShotDescriptors(surface, vertices, balls[r], stop));
     points.columns.push_back(std::move(columns));
     for (std::size_t i = 0; i < vertices.size(); ++i) {
-      const float part =
-          std::clamp(rim_distances[vertices[i]] / static_cast<float>(radii[r]),
-                     kLeastTrust, 1.0f);
+      const float part = std::clamp(
+          rim_distances[vertices[i]] / static_cast<float>(balls[r].radius),
+          kLeastTrust, 1.0f);
       points.trust(static_cast<Eigen::Index>(r), static_cast<Eigen::Index>(i)) =
           part * part;
     }

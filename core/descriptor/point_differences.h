@@ -20,11 +20,11 @@ struct PointDescriptors {
   Eigen::MatrixXf trust;
 };
 
-/// Describes `vertices` in balls of `radii`, mesh units. `rim_distances`: of
+/// Describes `vertices` by each of `balls`. `rim_distances`: of
 /// every vertex of the surface, mesh units. CANCELLED after `stop`.
 absl::StatusOr<PointDescriptors> DescribePoints(
     const DescribedSurface& surface, absl::Span<const VertexIndex> vertices,
-    absl::Span<const float> rim_distances, absl::Span<const double> radii,
+    absl::Span<const float> rim_distances, absl::Span<const ShotBall> balls,
     const std::stop_token& stop);
 
 /// Returns how unlike points of Y (rows) and of X (columns) are: the squared

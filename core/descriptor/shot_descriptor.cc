@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 #include <numbers>
+#include <vector>
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
@@ -112,12 +114,26 @@ void AddPoint(const SeenPoint& point, double radius, float* histogram) {
   }
 }
 
-void Describe(const DescribedSurface& surface, VertexIndex vertex,
-              double radius, ConnectedBall* around,
+/// Those that face as the center does, which is the first.
+std::vector<ConnectedBall::Member> Facing(
+    const DescribedSurface& surface,
+    const std::vector<ConnectedBall::Member>& ball, double least_cosine) {
+  const auto& normal = surface.normals.row(ball.front().vertex);
+  std::vector<ConnectedBall::Member> facing = {ball.front()};
+  std::copy_if(ball.begin() + 1, ball.end(), std::back_inserter(facing),
+               [&](const ConnectedBall::Member& member) {
+                 return surface.normals.row(member.vertex).dot(normal) >=
+                        least_cosine;
+               });
+  return facing;
+}
+
+void Describe(const DescribedSurface& surface,
+              const std::vector<ConnectedBall::Member>& ball, double radius,
               Eigen::Ref<Eigen::VectorXf> histogram) {
-  const auto& ball = around->Around(vertex, radius);
   const Frame frame = LocalFrame(surface, ball, radius);
-  const Eigen::RowVector3d center = surface.mesh.positions.row(vertex);
+  const Eigen::RowVector3d center =
+      surface.mesh.positions.row(ball.front().vertex);
   histogram.setZero();
   for (const auto& [v, distance] : ball) {
     const Eigen::Vector3d local =
@@ -133,13 +149,19 @@ void Describe(const DescribedSurface& surface, VertexIndex vertex,
 
 absl::StatusOr<PointColumns> ShotDescriptors(
     const DescribedSurface& surface, absl::Span<const VertexIndex> vertices,
-    double radius, const std::stop_token& stop) {
+    const ShotBall& ball, const std::stop_token& stop) {
   const auto count = static_cast<std::int64_t>(vertices.size());
   PointColumns columns(kShotSize, count);
   ISOMATCH_RETURN_IF_ERROR(ParallelForWithBall(
       surface.mesh, surface.stars, count, stop,
       [&](std::int64_t i, ConnectedBall* around) {
-        Describe(surface, vertices[i], radius, around, columns.col(i));
+        const auto& all = around->Around(vertices[i], ball.radius);
+        if (ball.least_cosine < -1) {
+          Describe(surface, all, ball.radius, columns.col(i));
+        } else {
+          Describe(surface, Facing(surface, all, ball.least_cosine),
+                   ball.radius, columns.col(i));
+        }
       }));
   return columns;
 }

@@ -27,12 +27,20 @@ struct DescribedSurface {
 /// Entries of a descriptor.
 inline constexpr int kShotSize = 352;
 
+/// What of a surface describes a vertex.
+struct ShotBall {
+  double radius = 0;  ///< mesh units
+  /// Vertices whose normal has a smaller cosine with the center's are left out:
+  /// a scan from one side does not have them.
+  double least_cosine = -2;
+};
+
 /// Returns SHOT descriptors (Tombari, Salti, Di Stefano: Unique Signatures of
 /// Histograms for Local Surface Description, ECCV 2010) of some vertices, one a
-/// column of length 1: how the surface nearer than `radius` (mesh units) turns,
-/// seen from a frame of its own. 8 azimuth x 2 elevation x 2 distance cells, in
-/// each a histogram of the cosine between normals and the frame's z axis in 11
-/// bins, all shared out linearly among neighboring bins.
+/// column of length 1: how the surface nearer than ball.radius turns, seen from
+/// a frame of its own. 8 azimuth x 2 elevation x 2 distance cells, in each a
+/// histogram of the cosine between normals and the frame's z axis in 11 bins,
+/// all shared out linearly among neighboring bins.
 ///
 /// Unlike the original it weighs vertices by area, so that the density of a
 /// mesh does not show, and looks at the connected part of the ball only, so
@@ -42,6 +50,6 @@ inline constexpr int kShotSize = 352;
 /// CANCELLED after `stop`. Time O(vertices vertices-in-a-ball).
 absl::StatusOr<PointColumns> ShotDescriptors(
     const DescribedSurface& surface, absl::Span<const VertexIndex> vertices,
-    double radius, const std::stop_token& stop);
+    const ShotBall& ball, const std::stop_token& stop);
 
 }  // namespace isomatch

@@ -7,6 +7,7 @@
 
 #include "core/base/parallel.h"
 #include "core/base/status_macros.h"
+#include "core/matching/first_stage.h"
 #include "core/mesh/mesh_geometry.h"
 #include "core/mesh/surface_samples.h"
 #include "core/spectral/functional_map.h"
@@ -76,7 +77,7 @@ CandidateChoice::CandidateChoice(const PreparedMesh& x, const PreparedMesh& y,
       radius_(std::max(x.descriptor_radius, y.descriptor_radius)),
       descriptors_{&x.descriptors, &y.descriptors},
       prepared_radii_{x.descriptor_radius, y.descriptor_radius} {
-  if (options.relation != Relation::kOverlap) return;
+  if (options.relation == Relation::kWhole) return;
   rule_.emplace(x, y, stop);
 }
 
@@ -128,7 +129,7 @@ absl::Status CandidateChoice::Filter(VertexMap* y_from_x) const {
 
 absl::Status CandidateChoice::Mask(int round, double stiffness,
                                    ElasticAlignment* alignment) const {
-  if (!rule_) return absl::OkStatus();
+  if (!masks()) return absl::OkStatus();
   const double left = 1 - double(round) / options_.alignment_rounds;
   alignment->SetMatched(rule_->Matched(
       *alignment, std::max(kLastTolerance, kFirstTolerance * left)));
@@ -159,7 +160,7 @@ absl::Status CandidateChoice::Judge(const ElasticAlignment& alignment,
                                     MapScores* scores) const {
   const AlignmentScore score = alignment.Score();
   scores->stretch = score.stretch;
-  if (rule_) {
+  if (masks()) {
     scores->normal_mismatch = score.normal_mismatch;
     return JudgeOverlap(alignment, scores);
   }
@@ -176,8 +177,15 @@ absl::Status CandidateChoice::Judge(const ElasticAlignment& alignment,
   }
   if (!std::isfinite(misfit)) misfit = kNoFit;
   misfit = std::max(misfit, kPerfectFit);
-  scores->rank_value =
-      std::max(scores->rank_value, kPerfectRank) * misfit * misfit;
+  double rank = std::max(scores->rank_value, kPerfectRank);
+  if (rule_) {
+    // Values of maps that grew in two ways do not compare.
+    ISOMATCH_ASSIGN_OR_RETURN(const OverlapMisfit overlap,
+                              rule_->Misfit(alignment));
+    rank = std::max(overlap.distortion, kLeastDistortion) *
+           LandmarkPenalty(scores->landmark_contradiction);
+  }
+  scores->rank_value = rank * misfit * misfit;
   return absl::OkStatus();
 }
 
@@ -218,7 +226,7 @@ AlignmentOptions CandidateChoice::HowAligned() const {
   options.basis = options_.alignment_basis;
   options.carry_x = options_.relation != Relation::kWhole;
   if (!oriented_) options.normal_weight = 0;
-  if (rule_) {
+  if (masks()) {
     // Eigenfunctions of parts differ.
     options.basis = 1;
     options.spectral_weight = 0;
@@ -230,7 +238,7 @@ absl::StatusOr<std::unique_ptr<ElasticAlignment>> CandidateChoice::LayOut(
     const Candidate& candidate) const {
   auto alignment = std::make_unique<ElasticAlignment>(x_, y_, HowAligned(),
                                                       candidate.y_from_x);
-  if (rule_) {
+  if (masks()) {
     alignment->SetMatched(rule_->NearMatches(candidate.sparse));
     ISOMATCH_RETURN_IF_ERROR(alignment->Settle(
         options_.alignment_stiffness_first, kFirstSteps, stop_));

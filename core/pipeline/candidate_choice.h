@@ -42,8 +42,9 @@ class CandidateChoice {
   /// Refines every candidate's dense map and lays it out by the first rounds of
   /// the elastic alignment; completes the scores and multiplies the rank value
   /// of the first stage with the squared mismatches of normals and descriptors
-  /// (where surfaces are not oriented, with the squared stretch); sorts by it
-  /// and returns the alignment of the best. Where both shapes are parts it also
+  /// (where surfaces are not oriented, with the squared stretch); of parts it
+  /// multiplies the distortion with them. Sorts by that and returns the
+  /// alignment of the best. Where both shapes are parts it also
   /// finds which vertices are matched; there the rank value is divided by their
   /// area, of which unlike places count less, and multiplied by what
   /// CounterpartRule::Misfit says.
@@ -81,6 +82,7 @@ class CandidateChoice {
                      MapScores* scores) const;
   absl::Status JudgeOverlap(const ElasticAlignment& alignment,
                             MapScores* scores) const;
+  bool masks() const { return options_.relation == Relation::kOverlap; }
   bool described() const { return oriented_ && options_.descriptor_radius > 0; }
 
   const std::array<PointColumns, 2> functions_;
@@ -97,7 +99,7 @@ class CandidateChoice {
   std::array<const ShapeDescriptors*, 2> descriptors_;
   const std::array<double, 2> prepared_radii_;
   std::array<ShapeDescriptors, 2> own_;
-  std::optional<CounterpartRule> rule_;  ///< of overlaps
+  std::optional<CounterpartRule> rule_;  ///< of parts
 };
 
 /// 1 - rank value of the best / of the next; 1 without a next, 0 when nothing

@@ -106,9 +106,10 @@ double CounterpartRule::OpenBorder(const ElasticAlignment& alignment) const {
 
 absl::StatusOr<OverlapMisfit> CounterpartRule::Misfit(
     const ElasticAlignment& alignment) const {
-  const std::vector<char>& matched = alignment.matched();
-  const VertexMap& y_from_x = alignment.y_from_x();
   const VertexIndex n = solved_x_.mesh.num_vertices();
+  std::vector<char> matched = alignment.matched();
+  if (matched.empty()) matched.assign(n, true);
+  const VertexMap& y_from_x = alignment.y_from_x();
   const VertexIndex step = std::max<VertexIndex>(1, n / kSources);
   std::vector<VertexIndex> sources;
   for (VertexIndex x = 0; x < n; x += step) {
@@ -136,7 +137,7 @@ absl::StatusOr<OverlapMisfit> CounterpartRule::Misfit(
     misfit.distortion /=
         static_cast<double>(others) * static_cast<double>(sources.size());
   }
-  misfit.open_border = OpenBorder(alignment);
+  if (!alignment.matched().empty()) misfit.open_border = OpenBorder(alignment);
   return misfit;
 }
 

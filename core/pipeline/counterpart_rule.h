@@ -40,7 +40,8 @@ class CounterpartRule {
   std::vector<char> Matched(const ElasticAlignment& alignment,
                             double tolerance) const;
 
-  /// Of alignment.matched(). CANCELLED after the token given first.
+  /// Of alignment.matched(), which of a part is all. CANCELLED after the token
+  /// given first.
   absl::StatusOr<OverlapMisfit> Misfit(const ElasticAlignment& alignment) const;
 
  private:

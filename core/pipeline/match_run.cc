@@ -35,6 +35,11 @@ constexpr std::uint64_t kSecondStageStream = std::uint64_t{1} << 40;
 
 /// Below this, rank values are rounding.
 constexpr double kRounding = 1e-8;
+/// Seeds of a part that grow as those of overlaps do.
+constexpr std::size_t kGrownSeeds = 120;
+/// Dense maps are one where this much of X goes no farther apart, sqrt(area).
+constexpr double kSameMap = 0.8;
+constexpr float kSamePlace = 0.1f;
 /// A landmark is kept when the map sends it no further than this from where it
 /// should go, in sqrt(area).
 constexpr float kLandmarkTolerance = 0.1f;
@@ -170,6 +175,9 @@ class MatchRun {
       if (map.wrong_side && !maps.front().wrong_side) continue;
       candidates_.push_back(MakeCandidate(map));
     }
+    if (part_ != nullptr) {
+      ISOMATCH_RETURN_IF_ERROR(AddGrownParts(seeds, trusted));
+    }
     EndFirstInsertion();
     return absl::OkStatus();
   }
@@ -187,30 +195,54 @@ class MatchRun {
     return 1 - double(kept) / static_cast<double>(trusted.size());
   }
 
-  absl::Status GrowOverlap(const std::vector<Seed>& seeds,
-                           const Seed& trusted) {
-    progress_.Begin(Stage::kFirstInsertion);
+  /// Distinct maps of points, grown where both shapes have them.
+  absl::StatusOr<std::vector<GrownOverlap>> Grow(const std::vector<Seed>& seeds,
+                                                 const Seed& trusted) {
     OverlapGrowthOptions growth;
     growth.oriented = oriented();
     growth.pinned =
         options_.landmarks_exact ? static_cast<int>(trusted.size()) : 0;
     growth.max_results = options_.candidates;
-    ISOMATCH_ASSIGN_OR_RETURN(
-        const std::vector<GrownOverlap> grown,
-        GrowOverlaps({part_->differences,
-                      {part_->distances[kX], frames_[kX]},
-                      {part_->distances[kY], frames_[kY]}},
-                     seeds, growth, stop_));
+    return GrowOverlaps({part_->differences,
+                         {part_->distances[kX], frames_[kX]},
+                         {part_->distances[kY], frames_[kY]}},
+                        seeds, growth, stop_);
+  }
+
+  RankedMap RankedMapOf(const GrownOverlap& grown, const Seed& trusted) const {
+    RankedMap map = {Matching(pools_[kX], pools_[kY],
+                              static_cast<int>(grown.matches.size()))};
+    for (const PointMatch& match : grown.matches) map.matching.Add(match);
+    map.contradiction = ContradictedBy(grown, trusted);
+    return map;
+  }
+
+  /// Maps of a part that points were left out of, where they found no place:
+  /// they bear more that is missing than those that hold all points.
+  absl::Status AddGrownParts(const std::vector<Seed>& seeds,
+                             const Seed& trusted) {
+    const std::vector<Seed> best(
+        seeds.begin(), seeds.begin() + std::min(seeds.size(), kGrownSeeds));
+    ISOMATCH_ASSIGN_OR_RETURN(const std::vector<GrownOverlap> grown,
+                              Grow(best, trusted));
+    for (const GrownOverlap& one : grown) {
+      candidates_.push_back(MakeCandidate(RankedMapOf(one, trusted)));
+    }
+    return absl::OkStatus();
+  }
+
+  absl::Status GrowOverlap(const std::vector<Seed>& seeds,
+                           const Seed& trusted) {
+    progress_.Begin(Stage::kFirstInsertion);
+    ISOMATCH_ASSIGN_OR_RETURN(const std::vector<GrownOverlap> grown,
+                              Grow(seeds, trusted));
     if (grown.empty()) {
       return absl::FailedPreconditionError(
           "no overlap of mesh_x and mesh_y was found; if they have one, give "
           "known matches in it as landmarks");
     }
     for (const GrownOverlap& one : grown) {
-      const auto size = static_cast<int>(one.matches.size());
-      RankedMap map = {Matching(pools_[kX], pools_[kY], size)};
-      for (const PointMatch& match : one.matches) map.matching.Add(match);
-      map.contradiction = ContradictedBy(one, trusted);
+      RankedMap map = RankedMapOf(one, trusted);
       map.badness = LandmarkPenalty(map.contradiction) / one.score;
       candidates_.push_back(MakeCandidate(map));
     }
@@ -321,8 +353,32 @@ class MatchRun {
     choice_.emplace(shape(kX), shape(kY), options_, stop_);
     ISOMATCH_ASSIGN_OR_RETURN(
         alignment_, choice_->Choose(progress_.Share(0, 1), &candidates_));
+    if (part_ != nullptr) DropRepeated();
     Keep(Stage::kChoice);
     return absl::OkStatus();
+  }
+
+  /// Whether two dense maps lead to about the same places nearly everywhere.
+  bool AreOne(const VertexMap& a, const VertexMap& b) const {
+    std::size_t same = 0;
+    for (std::size_t x = 0; x < a.size(); ++x) {
+      same += shape(kY).hash.basis.LowerBound(a[x], b[x]) <= kSamePlace;
+    }
+    return static_cast<double>(same) > kSameMap * static_cast<double>(a.size());
+  }
+
+  /// Of a part, what grew in two ways may end as one map, which is no rival.
+  void DropRepeated() {
+    std::vector<Candidate> distinct;
+    for (Candidate& candidate : candidates_) {
+      if (std::none_of(distinct.begin(), distinct.end(),
+                       [&](const Candidate& better) {
+                         return AreOne(candidate.y_from_x, better.y_from_x);
+                       })) {
+        distinct.push_back(std::move(candidate));
+      }
+    }
+    candidates_ = std::move(distinct);
   }
 
   /// Decides which landmarks the map respects, and sets those.

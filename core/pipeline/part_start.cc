@@ -29,6 +29,9 @@ constexpr double kLeastRadius = 0.08;
 constexpr double kLeastEdges = 3;
 constexpr double kUsualScale = 0.7;
 
+/// Cosine between normals up to which a ball counts (ShotBall).
+constexpr double kFacing = 0.2;
+
 /// Scales that are tried: from kLeastScale on, each kScaleStep times the one
 /// before. A part is no larger than the whole, but for what it is stretched.
 constexpr double kLeastScale = 0.25;
@@ -133,13 +136,12 @@ class StartSearch {
     ISOMATCH_ASSIGN_OR_RETURN(
         described_y_,
         DescribePoints(SurfaceOf(y_), of_y_.vertices, of_y_.rim_distances,
-                       radii_, control_.stop));
+                       Balls(1), control_.stop));
     return absl::OkStatus();
   }
 
   absl::StatusOr<Start> At(double scale, const Effort& effort) const {
     const std::stop_token& stop = control_.stop;
-    const std::array<double, 2> radii = {radii_[0] / scale, radii_[1] / scale};
     // All of the pool has to be described, with the landmarks at its end.
     const std::size_t points =
         effort.points_x < kPartPoolSize
@@ -149,7 +151,7 @@ class StartSearch {
         const PointDescriptors described_x,
         DescribePoints(SurfaceOf(x_),
                        absl::MakeConstSpan(of_x_.vertices).first(points),
-                       of_x_.rim_distances, radii, stop));
+                       of_x_.rim_distances, Balls(1 / scale), stop));
     Start start = {scale, PointDifferences(described_x, described_y_), {}};
     const auto size = static_cast<Eigen::Index>(points);
     const Eigen::MatrixXf distances_x =
@@ -208,6 +210,16 @@ class StartSearch {
   }
 
  private:
+  /// Of a shape whose lengths are as many times Y's.
+  std::array<ShotBall, 2> Balls(double unit) const {
+    std::array<ShotBall, 2> balls = {ShotBall{radii_[0] * unit},
+                                     ShotBall{radii_[1] * unit}};
+    if (oriented()) {
+      for (ShotBall& ball : balls) ball.least_cosine = kFacing;
+    }
+    return balls;
+  }
+
   bool oriented() const { return x_.solved().oriented && y_.solved().oriented; }
 
   /// What was found at a scale, but for what it was found by.

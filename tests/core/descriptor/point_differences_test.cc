@@ -15,7 +15,7 @@
 namespace isomatch {
 namespace {
 
-constexpr double kRadii[] = {0.15, 0.3};
+constexpr ShotBall kBalls[] = {{0.15}, {0.3}};
 
 /// A mesh with all that descriptors want.
 struct RimmedSurface {
@@ -27,7 +27,7 @@ struct RimmedSurface {
         rim(RimDistances(mesh, DistanceFieldSolver(mesh))) {}
 
   PointDescriptors At(const std::vector<VertexIndex>& vertices) const {
-    return *DescribePoints({mesh, normals, areas, stars}, vertices, rim, kRadii,
+    return *DescribePoints({mesh, normals, areas, stars}, vertices, rim, kBalls,
                            {});
   }
 
@@ -75,7 +75,7 @@ TEST(PointDifferencesTest, BallsThatTheRimCutsAreTrustedLess) {
   const PointDescriptors described = x.At(all);
   for (const VertexIndex v : all) {
     for (int r = 0; r < 2; ++r) {
-      const double part = std::min(1.0, x.rim[v] / kRadii[r]);
+      const double part = std::min(1.0, x.rim[v] / kBalls[r].radius);
       const double expected = part < 0.15 ? 0.15 * 0.15 : part * part;
       EXPECT_NEAR(described.trust(r, v), expected, 1e-5);
     }

@@ -16,14 +16,14 @@ namespace isomatch {
 namespace {
 
 struct Described {
-  Described(TriangleMesh surface, double radius)
+  Described(TriangleMesh surface, const ShotBall& ball)
       : mesh(std::move(surface)),
         normals(VertexNormals(mesh)),
         areas(BuildCotanLaplacian(mesh).mass),
         stars(mesh) {
     VertexMap all(mesh.num_vertices());
     std::iota(all.begin(), all.end(), 0);
-    columns = *ShotDescriptors({mesh, normals, areas, stars}, all, radius, {});
+    columns = *ShotDescriptors({mesh, normals, areas, stars}, all, ball, {});
   }
 
   TriangleMesh mesh;
@@ -52,10 +52,10 @@ double UsualDifference(const Described& a) {
   return sum / static_cast<double>(n);
 }
 
-constexpr double kShotRadius = 0.8;
+constexpr ShotBall kShotBall = {0.8};
 
 TEST(ShotDescriptorTest, HasLengthOne) {
-  const Described arms(FiveArms(3), kShotRadius);
+  const Described arms(FiveArms(3), kShotBall);
   ASSERT_EQ(arms.columns.rows(), kShotSize);
   for (Eigen::Index v = 0; v < arms.columns.cols(); ++v) {
     EXPECT_NEAR(arms.columns.col(v).norm(), 1, 1e-5);
@@ -64,8 +64,8 @@ TEST(ShotDescriptorTest, HasLengthOne) {
 }
 
 TEST(ShotDescriptorTest, MovingAndScalingTheShapeChangesNothing) {
-  const Described arms(FiveArms(4), kShotRadius);
-  const Described moved(Moved(FiveArms(4), 7), 7 * kShotRadius);
+  const Described arms(FiveArms(4), kShotBall);
+  const Described moved(Moved(FiveArms(4), 7), {7 * kShotBall.radius});
   // Where the surface is alike in all directions, rounding chooses the frame.
   const Eigen::ArrayXf differences =
       (arms.columns - moved.columns).colwise().squaredNorm().transpose();
@@ -76,24 +76,52 @@ TEST(ShotDescriptorTest, TheDensityOfTheMeshHardlyShows) {
   const DirtyMesh arms = Untouched(FiveArms(4));
   const DirtyMesh uneven = Refined(arms, Beyond({1, 0, 0}, 0));
   ASSERT_GT(uneven.mesh.num_vertices(), 1.3 * arms.mesh.num_vertices());
-  const Described even_columns(arms.mesh, kShotRadius);
-  const Described uneven_columns(uneven.mesh, kShotRadius);
+  const Described even_columns(arms.mesh, kShotBall);
+  const Described uneven_columns(uneven.mesh, kShotBall);
   EXPECT_LT(
       MeanDifference(even_columns, uneven_columns, arms.mesh.num_vertices()),
       0.2 * UsualDifference(even_columns));
 }
 
 TEST(ShotDescriptorTest, AMirrorImageLooksDifferent) {
-  const Described arms(FiveArms(3), kShotRadius);
+  const Described arms(FiveArms(3), kShotBall);
   TriangleMesh reflected = FiveArms(3);
   reflected.positions.col(0) *= -1;
   reflected.faces.col(1).swap(reflected.faces.col(2));
-  const Described mirrored(reflected, kShotRadius);
+  const Described mirrored(reflected, kShotBall);
   EXPECT_GT(MeanDifference(arms, mirrored, arms.columns.cols()), 0.05);
 }
 
+/// The upper side of a thin slab looks as the slab does, of which only what
+/// faces up counts.
+TEST(ShotDescriptorTest, OneSideIsDescribedWithoutTheOther) {
+  TriangleMesh slab = UnitSphere(4);
+  slab.positions.col(2) *= 0.05;
+  TriangleMesh upper = slab;
+  VertexIndex faces = 0;
+  for (VertexIndex f = 0; f < slab.num_faces(); ++f) {
+    const auto corners = slab.positions(slab.faces.row(f), 2);
+    if (corners.minCoeff() >= 0) upper.faces.row(faces++) = slab.faces.row(f);
+  }
+  upper.faces.conservativeResize(faces, Eigen::NoChange);
+  const auto mean_difference = [&](const ShotBall& ball) {
+    const Described of_slab(slab, ball);
+    const Described of_upper(upper, ball);
+    double sum = 0;
+    int count = 0;
+    for (VertexIndex v = 0; v < slab.num_vertices(); ++v) {
+      if (slab.positions(v, 2) < 0.02) continue;
+      sum += (of_slab.columns.col(v) - of_upper.columns.col(v)).squaredNorm();
+      ++count;
+    }
+    return sum / count;
+  };
+  EXPECT_LT(mean_difference({.radius = 0.8, .least_cosine = 0.2}),
+            0.25 * mean_difference({.radius = 0.8}));
+}
+
 TEST(ShotDescriptorTest, IsFiniteWhereTheBallHoldsOnlyItsCenter) {
-  const Described lonely(FiveArms(1), 1e-3);
+  const Described lonely(FiveArms(1), {1e-3});
   EXPECT_TRUE(lonely.columns.allFinite());
 }
 
@@ -104,8 +132,8 @@ TEST(ShotDescriptorTest, StopsWhenAsked) {
   const VertexStars stars(mesh);
   std::stop_source source;
   source.request_stop();
-  EXPECT_THAT(ShotDescriptors({mesh, normals, areas, stars}, {0, 1},
-                              kShotRadius, source.get_token())
+  EXPECT_THAT(ShotDescriptors({mesh, normals, areas, stars}, {0, 1}, kShotBall,
+                              source.get_token())
                   .status(),
               StatusIs(absl::StatusCode::kCancelled, testing::_));
 }
