@@ -16,23 +16,7 @@ import math
 import pathlib
 import random
 
-
-def read_off(path):
-    words = iter(path.read_text().split()[1:])
-    n, m, _ = (int(next(words)) for _ in range(3))
-    vertices = [tuple(float(next(words)) for _ in range(3)) for _ in range(n)]
-    faces = []
-    for _ in range(m):
-        next(words)
-        faces.append(tuple(int(next(words)) for _ in range(3)))
-    return vertices, faces
-
-
-def write_off(path, vertices, faces):
-    with path.open("w") as out:
-        out.write(f"OFF\n{len(vertices)} {len(faces)} 0\n")
-        out.writelines("%r %r %r\n" % v for v in vertices)
-        out.writelines("3 %d %d %d\n" % f for f in faces)
+from off_pairs import listed_pairs, read_off, read_truth, submesh, write_off
 
 
 def kind(name):
@@ -45,10 +29,7 @@ class Maker:
     def __init__(self, out, sets, seed):
         self.out, self.pairs, self.dice = out, [], random.Random(seed)
         self.shapes = sorted({p for s in sets for p in s.glob("*.off")})
-        self.listed = [
-            (s, *line.split()[:2]) for s in sets
-            for line in (s / "pairs.txt").read_text().splitlines() if line.strip()
-        ]
+        self.listed = listed_pairs(sets)
 
     def add(self, name, mesh_x, path_y, truth):
         """truth: lines of gt_X__Y.txt, None for one by chance."""
@@ -68,14 +49,9 @@ class Maker:
         heights = [sum(a * b for a, b in zip(v, normal)) for v in vertices]
         cut = sorted(heights)[int(len(heights) * self.dice.uniform(0.35, 0.65))]
         faces = [f for f in faces if all(heights[v] >= cut for v in f)]
-        kept = sorted({v for f in faces for v in f})
-        new = {v: k for k, v in enumerate(kept)}
-        truth = {}
-        for k, line in enumerate((folder / f"gt_{x}__{y}.txt").read_text().splitlines()):
-            words = line.split()
-            truth[int(words[0]) if len(words) > 1 else k] = words[-1 if len(words) == 1 else 1]
-        lines = [f"{new[v]} {truth[v]}" for v in kept if v in truth]
-        mesh = [vertices[v] for v in kept], [tuple(new[v] for v in f) for f in faces]
+        mesh, kept = submesh((vertices, faces), faces)
+        truth = read_truth(folder / f"gt_{x}__{y}.txt")
+        lines = [f"{k} {truth[v]}" for k, v in enumerate(kept) if v in truth]
         self.add(f"half{i}", mesh, folder / f"{y}.off", lines)
 
     def soup(self, i):
