@@ -94,7 +94,8 @@ typedef struct isomatch_landmark {
  * - "profile": "default", or "paper": as published
  * - "relation": "whole": all of both shapes corresponds, or, with the default
  *   profile, "part-of-y": X is a part of Y, "part-of-x": Y is a part of X,
- *   "overlap": each lacks something that the other has; needs scale "same"
+ *   "overlap": each lacks something that the other has; needs scale "same",
+ *   "auto": one of these, to be found out; the report says which
  * - "scale": "auto", or "same": X and Y have one unit, not with "whole"
  * - "random_seed": 1; 0 or more
  * - "threads": 0: one for each core; the result does not depend on it
@@ -240,6 +241,7 @@ ISOMATCH_API const char* isomatch_result_verdict_advice(
  * - "area_distortion": mean |ln(area of an image / area)|
  * - "orientation_score": -1 (mirrored) to 1 (orientation kept)
  * - "embedding_error", "objective": Eq. 8 and 4 of the paper
+ * - "relation_confidence": 0 to 1, how sure the relation is
  * - "scale": X's lengths times this are in Y's unit
  * - "area_x", "area_y": squared mesh units */
 ISOMATCH_API double isomatch_result_figure(const isomatch_result* result,

@@ -78,6 +78,7 @@ double isomatch_result_figure(const isomatch_result* result, const char* name) {
       {"orientation_score", found.scores.orientation_score},
       {"embedding_error", found.scores.embedding_error},
       {"objective", found.objective},
+      {"relation_confidence", found.relation_confidence},
       {"scale", found.scale},
       {"area_x", found.area_x},
       {"area_y", found.area_y}};

@@ -33,6 +33,24 @@ absl::StatusOr<absl::Duration> ParseTimeout(const std::string& flag,
 // What the API takes; a server uses no more than its share.
 constexpr std::uint64_t kMostThreads = 1024;
 
+void AddRelationFlags(CLI::App* command, JobOptions* options) {
+  SetChoices(
+      command->add_option(
+          "--relation", options->relation,
+          "whole: all of both shapes corresponds; part-of-y: X is a "
+          "part of Y, cut off or scanned; part-of-x: Y is a part of X; "
+          "overlap: each lacks what the other has, in one unit; auto: one of "
+          "these, by open rims and by what map is most confident"),
+      "NAME", RelationNames())
+      ->capture_default_str();
+  SetChoices(command->add_option(
+                 "--scale", options->scale,
+                 "With another --relation than whole: same where both meshes "
+                 "have one unit, which is faster and surer; auto finds it out"),
+             "NAME", LengthScaleNames())
+      ->capture_default_str();
+}
+
 }  // namespace
 
 void AddPairOptions(CLI::App* command, std::string* x, std::string* y,
@@ -76,19 +94,7 @@ void AddJobFlags(CLI::App* command, JobOptions* options) {
                                  "published"),
              "NAME", {"default", "paper"})
       ->capture_default_str();
-  SetChoices(command->add_option(
-                 "--relation", options->relation,
-                 "whole: all of both shapes corresponds; part-of-y: X is a "
-                 "part of Y, cut off or scanned; part-of-x: Y is a part of X; "
-                 "overlap: each lacks what the other has, in one unit"),
-             "NAME", RelationNames())
-      ->capture_default_str();
-  SetChoices(command->add_option(
-                 "--scale", options->scale,
-                 "With another --relation than whole: same where both meshes "
-                 "have one unit, which is faster and surer; auto finds it out"),
-             "NAME", LengthScaleNames())
-      ->capture_default_str();
+  AddRelationFlags(command, options);
   command
       ->add_option("--random-seed", options->random_seed,
                    "The same seed gives the same map")

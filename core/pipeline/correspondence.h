@@ -114,8 +114,11 @@ struct Correspondence {
   std::vector<VertexMatch> sparse_matches;
   /// Mean k_X k_Y over the pairs of sparse matches (Eq. 4).
   double objective = 0;
-  /// What the shapes were taken for.
+  /// What the shapes were taken for; never kAuto.
   Relation relation = Relation::kWhole;
+  /// 0 to 1: how sure that is; 1 where MatchOptions say so, or where rims leave
+  /// one relation.
+  double relation_confidence = 1;
   /// X's lengths times this are in Y's unit: 1 where both have one unit.
   double scale = 1;
   /// Surface areas, squared mesh units.

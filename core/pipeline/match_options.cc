@@ -200,6 +200,8 @@ const char* RelationName(Relation relation) {
       return "part-of-x";
     case Relation::kOverlap:
       return "overlap";
+    case Relation::kAuto:
+      return "auto";
   }
   return "whole";
 }

@@ -31,12 +31,14 @@ enum class Relation {
   kPartOfX = 3,
   /// A part of each.
   kOverlap = 4,
+  /// To be found out: one of the others.
+  kAuto = 5,
 };
 
 /// All there are, as users are told of them.
 inline constexpr std::array kRelations = {Relation::kWhole, Relation::kPartOfY,
                                           Relation::kPartOfX,
-                                          Relation::kOverlap};
+                                          Relation::kOverlap, Relation::kAuto};
 
 /// What is known of the two meshes' units.
 enum class LengthScale {
@@ -58,7 +60,8 @@ struct MatchOptions {
   Profile profile = Profile::kDefault;
   /// Not in the paper.
   Relation relation = Relation::kWhole;
-  /// kAuto of whole shapes, kSame of overlaps. Not in the paper.
+  /// kAuto of whole shapes, kSame of overlaps. Where the relation is found out,
+  /// an overlap is taken to be in one unit. Not in the paper.
   LengthScale scale = LengthScale::kAuto;
   /// Same input, options and random seed give the same result.
   std::uint64_t random_seed = 1;

@@ -185,26 +185,13 @@ double CopiedBytes(const FullBytes& full, const ShapeBytes& solved) {
 /// What CounterpartRule takes: distances to the rims, and between what is
 /// matched. `n`: vertices of both shapes.
 double RuleBytes(double stencils, double n, const MatchOptions& options) {
-  if (options.relation != Relation::kOverlap) return 0;
+  if (options.relation == Relation::kWhole) return 0;
   return stencils + kWorkspacePerVertex * n * Threads(options);
 }
 
-}  // namespace
-
-std::int64_t EstimatePreparedExtraBytes(MeshSize x, MeshSize y,
-                                        const MatchOptions& options) {
-  if (options.relation == Relation::kPartOfX) std::swap(x, y);
-  const ShapeBytes solved = BytesOf(SolvedSize(x, options), 0, options);
-  constexpr double kLargest = 9e18;
-  return static_cast<std::int64_t>(
-      std::min(MeshBytes(x) + MeshBytes(y) +
-                   CopiedBytes(FullBytesOf(x, options), solved),
-               kLargest));
-}
-
-std::int64_t EstimateMemoryBytes(MeshSize x, MeshSize y,
-                                 std::int64_t num_landmarks,
-                                 const MatchOptions& options) {
+/// EstimateMemoryBytes of a relation that is known.
+std::int64_t EstimateAsTold(MeshSize x, MeshSize y, std::int64_t num_landmarks,
+                            const MatchOptions& options) {
   // The part is laid on the whole.
   if (options.relation == Relation::kPartOfX) std::swap(x, y);
   const FullBytes full_x = FullBytesOf(x, options);
@@ -258,6 +245,54 @@ std::int64_t EstimateMemoryBytes(MeshSize x, MeshSize y,
   const double with_full = std::max(full_x.at_first + full_y.at_first,
                                     full_x.later + full_y.later + peak);
   return static_cast<std::int64_t>(std::min(with_full + kFixed, kLargest));
+}
+
+/// The most that `estimate` says of the relations that are tried.
+template <typename Estimate>
+std::int64_t MostOfAll(const MatchOptions& options, const Estimate& estimate) {
+  std::int64_t most = 0;
+  for (const Relation relation : kRelations) {
+    if (relation == Relation::kAuto) continue;
+    MatchOptions tried = options;
+    tried.relation = relation;
+    most = std::max(most, estimate(tried));
+  }
+  return most;
+}
+
+/// Of the best map yet, while others are found; a vertex of X.
+constexpr double kFoundPerVertex = 64;
+
+}  // namespace
+
+std::int64_t EstimatePreparedExtraBytes(MeshSize x, MeshSize y,
+                                        const MatchOptions& options) {
+  if (options.relation == Relation::kAuto) {
+    return MostOfAll(options, [&](const MatchOptions& tried) {
+      return EstimatePreparedExtraBytes(x, y, tried);
+    });
+  }
+  if (options.relation == Relation::kPartOfX) std::swap(x, y);
+  const ShapeBytes solved = BytesOf(SolvedSize(x, options), 0, options);
+  constexpr double kLargest = 9e18;
+  return static_cast<std::int64_t>(
+      std::min(MeshBytes(x) + MeshBytes(y) +
+                   CopiedBytes(FullBytesOf(x, options), solved),
+               kLargest));
+}
+
+std::int64_t EstimateMemoryBytes(MeshSize x, MeshSize y,
+                                 std::int64_t num_landmarks,
+                                 const MatchOptions& options) {
+  if (options.relation != Relation::kAuto) {
+    return EstimateAsTold(x, y, num_landmarks, options);
+  }
+  return MostOfAll(options,
+                   [&](const MatchOptions& tried) {
+                     return EstimateAsTold(x, y, num_landmarks, tried);
+                   }) +
+         static_cast<std::int64_t>(kFoundPerVertex *
+                                   static_cast<double>(x.vertices));
 }
 
 }  // namespace isomatch

@@ -19,6 +19,7 @@
 #include "core/pipeline/part_start.h"
 #include "core/pipeline/preparation.h"
 #include "core/pipeline/progress_reporter.h"
+#include "core/pipeline/relation_search.h"
 #include "core/pipeline/shape_contents.h"
 #include "core/pipeline/stage_plan.h"
 
@@ -219,6 +220,47 @@ void Judge(Correspondence* found) {
   found->verdict = VerdictOf(*found);
 }
 
+absl::StatusOr<Correspondence> MatchAsTold(PreparedShape& x, PreparedShape& y,
+                                           const Request& request) {
+  const MatchOptions& options = request.options;
+  const auto most = static_cast<std::size_t>(
+      std::max(x.contents().large_components, y.contents().large_components));
+  ISOMATCH_ASSIGN_OR_RETURN(Correspondence found,
+                            options.match_components &&
+                                    options.relation == Relation::kWhole &&
+                                    MatchedByComponents(most)
+                                ? PrepareAndMatchComponents(x, y, request)
+                                : MatchWhole(x, y, request));
+  Judge(&found);
+  return found;
+}
+
+ShapeOutline OutlineOf(const PreparedShape& shape) {
+  const PreparedShape::Contents& contents = shape.contents();
+  if (!contents.whole) return OutlineOf(contents.split->clean.mesh);
+  ShapeOutline outline = OutlineOf(contents.whole->solved().mesh);
+  outline.area = contents.whole->full.area;
+  return outline;
+}
+
+absl::StatusOr<Correspondence> MatchAsItSeems(PreparedShape& x,
+                                              PreparedShape& y,
+                                              const Request& request) {
+  const std::array<ShapeOutline, 2> outlines = {OutlineOf(x), OutlineOf(y)};
+  // What is matched again must not be changed, as a shape with one holder is.
+  std::optional<PreparedPair> held;
+  if (MostTries(outlines[kX], outlines[kY], request.options) > 1) {
+    held = {x, y};
+  }
+  return FindRelation(
+      outlines[kX], outlines[kY], request.options, request.control.progress,
+      [&](const MatchOptions& options, const ProgressCallback& progress) {
+        return MatchAsTold(
+            x, y,
+            {request.landmarks, options, {progress, request.control.stop}});
+      });
+}
+
 absl::StatusOr<PreparedShape> PrepareHere(SharedMesh mesh,
                                           const MatchOptions& options,
                                           const MatchControl& control) {
@@ -250,17 +292,14 @@ absl::StatusOr<PreparedPair> PrepareBothHere(ShapeSource x, ShapeSource y,
 absl::StatusOr<Correspondence> MatchPreparedHere(
     PreparedShape x, PreparedShape y, absl::Span<const Landmark> landmarks,
     const MatchOptions& options, const MatchControl& control) {
-  const auto most = static_cast<std::size_t>(
-      std::max(x.contents().large_components, y.contents().large_components));
   const Request request = {landmarks, options, control};
   absl::StatusOr<Correspondence> result = absl::InternalError("not run");
   RunWithThreads(options.threads, [&] {
-    result = options.match_components && options.relation == Relation::kWhole &&
-                     MatchedByComponents(most)
-                 ? PrepareAndMatchComponents(x, y, request)
-                 : MatchWhole(x, y, request);
+    result = options.relation == Relation::kAuto ||
+                     options.relation == Relation::kOverlap
+                 ? MatchAsItSeems(x, y, request)
+                 : MatchAsTold(x, y, request);
   });
-  if (result.ok()) Judge(&*result);
   return result;
 }
 

@@ -15,6 +15,7 @@ constexpr double kGoodConfidence = 0.6;
 constexpr double kMostAreaDistortion = 0.6;
 constexpr double kLeastCoverage = 0.9;
 constexpr double kLeastSymmetryConfidence = 0.3;
+constexpr double kLeastRelationConfidence = 0.25;
 /// Of overlaps: where less than this of both shapes is matched, most may have
 /// been missed.
 constexpr double kLeastOverlap = 0.5;
@@ -73,8 +74,9 @@ std::string Check(Relation relation) {
              "give known matches as landmarks";
     case Relation::kOverlap:
       return "check that both are parts of one shape and have one unit, or "
-             "give "
-             "known matches as landmarks";
+             "give known matches as landmarks";
+    case Relation::kAuto:
+      break;  // never a map's
   }
   return "give known matches as landmarks";
 }
@@ -129,6 +131,13 @@ Verdict VerdictOf(const Correspondence& found) {
         "another map, as a rule the mirrored one, fits nearly as well",
         "look whether left and right are exchanged; one landmark on a limb "
         "decides it");
+  }
+  if (found.relation_confidence < kLeastRelationConfidence) {
+    return Doubtful(
+        "taken for parts of each other in another way, the shapes fit nearly "
+        "as "
+        "well",
+        "look at the map; if it is wrong, say as relation what they are");
   }
   const std::string look = "look at the map where confidence is low";
   if (!IsCovered(found)) return Doubtful(Uncovered(found), look);

@@ -22,6 +22,7 @@ static_assert(static_cast<int>(Relation::kWhole) == v1::RELATION_WHOLE);
 static_assert(static_cast<int>(Relation::kPartOfY) == v1::RELATION_PART_OF_Y);
 static_assert(static_cast<int>(Relation::kPartOfX) == v1::RELATION_PART_OF_X);
 static_assert(static_cast<int>(Relation::kOverlap) == v1::RELATION_OVERLAP);
+static_assert(static_cast<int>(Relation::kAuto) == v1::RELATION_AUTO);
 static_assert(static_cast<int>(kRelations.back()) == v1::Relation_MAX);
 static_assert(static_cast<int>(VerdictLevel::kBad) == v1::Verdict::LEVEL_BAD);
 
@@ -142,6 +143,7 @@ std::string DescribeResult(const JobSpec& spec, MeshSize size_x,
   info.set_random_seed(spec.options.random_seed);
   info.set_relation(static_cast<v1::Relation>(found.relation));
   info.set_scale(found.scale);
+  info.set_relation_confidence(found.relation_confidence);
   return info.SerializeAsString();
 }
 

@@ -52,11 +52,18 @@ class RunMeter {
   }
 
  private:
-  /// Ends the stage before.
+  /// Ends the stage before. One that runs again has one time in all.
   void BeginStage(std::int32_t stage, absl::Time now) {
     if (stage_ != kNoStage) {
-      stage_times_.push_back(
-          {stage_, absl::ToDoubleSeconds(now - stage_begin_)});
+      const double seconds = absl::ToDoubleSeconds(now - stage_begin_);
+      const auto same = std::find_if(
+          stage_times_.begin(), stage_times_.end(),
+          [&](const StageSeconds& time) { return time.stage == stage_; });
+      if (same == stage_times_.end()) {
+        stage_times_.push_back({stage_, seconds});
+      } else {
+        same->seconds += seconds;
+      }
     }
     stage_ = stage;
     stage_begin_ = now;

@@ -1,5 +1,6 @@
 #include "tests/bench/accuracy.h"
 
+#include <algorithm>
 #include <array>
 #include <cstdio>
 #include <utility>
@@ -16,7 +17,7 @@ namespace {
 void PrintPair(const PairResult& result) {
   std::printf(
       "%-24s %-24s %7d %7d %8.4f %8.4f  %-8s %7.2f  %+.2f  %.5f  %.2f  "
-      "%-8s  %s\n",
+      "%-8s  %s  %s %.2f\n",
       result.name_x.c_str(), result.name_y.c_str(), result.vertices_x,
       result.vertices_y, result.direct(), result.best(),
       result.failed()     ? (result.mirrored() ? "MIRRORED" : "FAILED")
@@ -24,7 +25,8 @@ void PrintPair(const PairResult& result) {
                           : "ok",
       result.seconds, result.orientation_score, result.embedding_error,
       result.symmetry_confidence, VerdictName(result.verdict.level),
-      result.iou ? absl::StrFormat("%.3f", *result.iou).c_str() : "-");
+      result.iou ? absl::StrFormat("%.3f", *result.iou).c_str() : "-    ",
+      RelationName(result.relation), result.relation_confidence);
   std::fflush(stdout);
 }
 
@@ -80,6 +82,19 @@ void PrintVerdicts(const std::vector<PairResult>& results) {
   print("error above .1", [](double error) { return error > kFailed; });
 }
 
+/// What the shapes were taken for.
+void PrintRelations(const std::vector<PairResult>& results) {
+  std::printf("\ntaken for");
+  for (const Relation relation : kRelations) {
+    const auto count = std::count_if(
+        results.begin(), results.end(),
+        [&](const PairResult& result) { return result.relation == relation; });
+    if (count == 0) continue;
+    std::printf("  %s: %d", RelationName(relation), static_cast<int>(count));
+  }
+  std::printf("\n");
+}
+
 nlohmann::json ToJson(const PairResult& result) {
   nlohmann::json stages = nlohmann::json::array();
   for (const StageError& stage : result.stages) {
@@ -100,6 +115,8 @@ nlohmann::json ToJson(const PairResult& result) {
           {"orientation_score", result.orientation_score},
           {"symmetry_confidence", result.symmetry_confidence},
           {"verdict", VerdictName(result.verdict.level)},
+          {"relation", RelationName(result.relation)},
+          {"relation_confidence", result.relation_confidence},
           {"iou", result.iou.value_or(1)},
           {"stages", std::move(stages)}};
 }
@@ -141,13 +158,15 @@ absl::Status RunAccuracy(const PairSelection& pairs,
       "diameter of Y\n",
       ProfileName(options.profile),
       static_cast<unsigned long long>(options.random_seed));
-  std::printf("%-24s %-24s %7s %7s %8s %8s  %-8s %7s  %s  %s  %s  %-8s  %s\n",
-              "X", "Y", "n_X", "n_Y", "direct", "best", "truth", "seconds",
-              "orient", "Eq. 8", "symmetry", "verdict", "IoU");
+  std::printf(
+      "%-24s %-24s %7s %7s %8s %8s  %-8s %7s  %s  %s  %s  %-8s  %s    %s\n",
+      "X", "Y", "n_X", "n_Y", "direct", "best", "truth", "seconds", "orient",
+      "Eq. 8", "symmetry", "verdict", "IoU", "relation");
   ISOMATCH_ASSIGN_OR_RETURN(const std::vector<PairResult> results,
                             RunPairs(pairs, options, PrintPair));
   PrintConfidence(results);
   PrintVerdicts(results);
+  if (options.relation == Relation::kAuto) PrintRelations(results);
   PrintSummary(results);
   if (out_path.empty()) return absl::OkStatus();
   return WriteFileAtomically(out_path, ToJson(results, options).dump(2) + "\n");

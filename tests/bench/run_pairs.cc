@@ -75,6 +75,8 @@ absl::StatusOr<PairResult> RunPair(const MeshPair& pair, int true_landmarks,
                        found.scores.orientation_score,
                        found.symmetry_confidence,
                        found.verdict,
+                       found.relation,
+                       found.relation_confidence,
                        {}};
   const GeodesicErrorMeter meter(pair.mesh_y);
   for (const StageMap& map : found.stage_maps) {

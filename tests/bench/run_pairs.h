@@ -44,6 +44,8 @@ struct PairResult {
   double orientation_score = 0;
   double symmetry_confidence = 0;
   Verdict verdict;
+  Relation relation = Relation::kWhole;
+  double relation_confidence = 1;
   std::vector<RatedVertex> rated;  ///< vertices with a truth and an image
   /// Of the part of X that has a counterpart, as OverlapIou, by area.
   std::optional<double> iou = {};

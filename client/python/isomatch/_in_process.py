@@ -71,7 +71,11 @@ class Options:
         self._owned = _library.Owned("options", _library.load().isomatch_options_new())
         for field, text, known in (
             ("profile", profile, "'default' or 'paper'"),
-            ("relation", relation, "'whole', 'part-of-y', 'part-of-x' or 'overlap'"),
+            (
+                "relation",
+                relation,
+                "'whole', 'part-of-y', 'part-of-x', 'overlap' or 'auto'",
+            ),
             ("scale", scale, "'auto' or 'same'"),
         ):
             if not isinstance(text, str):
@@ -334,6 +338,7 @@ def _info(report: dict[str, Any], clock: _Clock, parts: tuple[str, ...]) -> Resu
         warnings=tuple(others),
         profile=report["profile"],
         relation=report["relation"],
+        relation_confidence=report["relation_confidence"],
         scale=report["scale"],
         random_seed=report["random_seed"],
         parts=parts,

@@ -140,8 +140,9 @@ class Client:
         landmarks: k x 2, known matches (vertex of x, vertex of y); those that the
           rest contradicts are changed, unless landmarks_exact.
         relation: "whole", "part-of-y" where x is a part of y, "part-of-x" where y is
-          one of x, "overlap" where each lacks something of the other; scale: of parts,
-          "same" where both have one unit, as overlaps need, "auto" finds it out.
+          one of x, "overlap" where each lacks something of the other, "auto" to find
+          that out; scale: of parts, "same" where both have one unit, as overlaps
+          need, "auto" finds it out.
         profile: "default" or "paper". random_seed: same input and seed, same map.
         threads: 0 is the server's share. solved_vertices: larger meshes are
           decimated to about so many; 0 never; None as the profile says.

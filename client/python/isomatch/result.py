@@ -235,6 +235,7 @@ class MatchResult:
             "landmarks": [dataclasses.asdict(landmark) for landmark in info.landmarks],
             "profile": info.profile,
             "relation": info.relation,
+            "relation_confidence": info.relation_confidence,
             "scale": info.scale,
             "random_seed": info.random_seed,
             "seconds": seconds,

@@ -103,8 +103,9 @@ class ResultInfo:
 
     symmetry_confidence: 0 to 1, how clearly the map is better than
     `alternatives`, which are the scores of the maps not chosen, best first.
-    relation: "whole", "part-of-y", "part-of-x" or "overlap". scale: X's lengths times
-    it are in Y's unit. unmatched: vertices of X without a counterpart. parts: what can
+    relation: "whole", "part-of-y", "part-of-x" or "overlap"; relation_confidence: 0 to
+    1, how sure that is where it was found out. scale: X's lengths times it are in Y's
+    unit. unmatched: vertices of X without a counterpart. parts: what can
     be downloaded.
     """
 
@@ -124,6 +125,7 @@ class ResultInfo:
     warnings: tuple[str, ...]
     profile: str
     relation: str
+    relation_confidence: float
     scale: float
     random_seed: int
     parts: tuple[str, ...]

@@ -290,7 +290,7 @@ TEST_F(IsomatchCTest, OptionsAreChecked) {
   error_.reset(error);
   EXPECT_THAT(isomatch_error_message(error),
               StrEq("options.relation: 'part', expected whole, part-of-y, "
-                    "part-of-x or overlap"));
+                    "part-of-x, overlap or auto"));
   EXPECT_EQ(Match(), ISOMATCH_OK);  // none of it holds
 }
 

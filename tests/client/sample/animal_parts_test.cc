@@ -100,6 +100,24 @@ TEST_F(AnimalPartsTest, APartIsFoundOnTheWholeInAnotherUnit) {
   EXPECT_NEAR(found->scale, 25.4, 1);
 }
 
+TEST_F(AnimalPartsTest, WhatThePartsAreIsFoundOut) {
+  MatchOptions options;
+  options.relation = Relation::kAuto;
+  options.scale = LengthScale::kSame;
+  const auto overlap = Match(x_.mesh, y_.mesh, {}, options);
+  ASSERT_THAT(overlap, IsOk());
+  EXPECT_EQ(overlap->relation, Relation::kOverlap);
+  EXPECT_LT(ErrorOf(overlap->y_from_x, truth_), 0.02);
+  options.scale = LengthScale::kAuto;
+  const auto part = Match(a_.mesh, y_.mesh, {}, options);
+  ASSERT_THAT(part, IsOk());
+  EXPECT_EQ(part->relation, Relation::kPartOfX);
+  EXPECT_LT(ErrorOf(part->y_from_x, y_from_whole_), 0.03);
+  const auto wholes = Match(a_.mesh, b_.mesh, {}, options);
+  ASSERT_THAT(wholes, IsOk());
+  EXPECT_EQ(wholes->relation, Relation::kWhole);
+}
+
 TEST_F(AnimalPartsTest, LandmarksInAnOverlapAreKept) {
   std::vector<Landmark> landmarks;
   for (VertexIndex x = 0; landmarks.size() < 3; x += 97) {

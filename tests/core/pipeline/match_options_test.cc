@@ -124,8 +124,9 @@ TEST(MatchOptionsTest, EveryWrongValueIsNamed) {
 }
 
 TEST(RelationTest, EachHasANameOfItsOwnThatLeadsBackToIt) {
-  EXPECT_THAT(RelationNames(), testing::ElementsAre("whole", "part-of-y",
-                                                    "part-of-x", "overlap"));
+  EXPECT_THAT(RelationNames(),
+              testing::ElementsAre("whole", "part-of-y", "part-of-x", "overlap",
+                                   "auto"));
   for (const Relation relation : kRelations) {
     EXPECT_EQ(RelationOf(RelationName(relation)), relation);
   }

@@ -191,6 +191,11 @@ class MatchTest:
                 self.assertLess(np.median(off) / np.ptp(places, axis=0).max(), 0.02)
                 self.assertAlmostEqual(found.info.scale * unit, 1, delta=0.05)
                 self.assertEqual(found.info.relation, "part-of-y")
+        found = self.match((half[0] / 3, half[1]), (places, faces), relation="auto",
+                           scale="same")  # fmt: skip
+        self.assertEqual(found.info.relation, "part-of-y")
+        self.assertEqual(found.info.relation_confidence, 1)
+        self.assertEqual(found.report()["relation_confidence"], 1)
         with self.assertRaisesRegex(isomatch.InvalidInput, "expected auto") as refused:
             self.match(x, y, scale="same")
         self.assertTrue(refused.exception.field.endswith("scale"))

@@ -1,0 +1,274 @@
+#include "core/pipeline/relation_search.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "core/base/status_macros.h"
+#include "core/mesh/mesh_geometry.h"
+#include "core/mesh/topology.h"
+#include "core/pipeline/stage_plan.h"
+
+namespace isomatch {
+namespace {
+
+/// A shorter rim is an eye or a mouth, not a cut.
+constexpr double kShortRim = 0.35;
+/// Areas of whole shapes in one unit differ by less than this factor, and a
+/// part is larger than the whole by less than that one.
+constexpr double kSameArea = 1.5;
+constexpr double kLargerPart = 1.25;
+/// A whole map that is as confident, and covers as much of Y, needs no
+/// comparison, unless areas in one unit differ by more than this factor.
+constexpr double kSurelyWhole = 0.72;
+constexpr double kAllCovered = 0.97;
+constexpr double kEqualArea = 1.2;
+/// An overlap that is less confident is looked for so many times more.
+constexpr double kSurelyGrown = 0.55;
+constexpr int kMoreSeeds = 2;
+/// How much less confident maps may be that leave less out.
+constexpr double kWholeBonus = 0.04;
+constexpr double kPartBonus = 0.025;
+/// Confidence by which a relation that is sure leads.
+constexpr double kSureLead = 0.1;
+
+bool HasRim(const ShapeOutline& shape) { return shape.rim > kShortRim; }
+
+double BonusOf(Relation relation) {
+  if (relation == Relation::kWhole) return kWholeBonus;
+  return relation == Relation::kOverlap ? 0 : kPartBonus;
+}
+
+double ScoreOf(const Correspondence& found) {
+  return found.quality.mean_confidence + BonusOf(found.relation);
+}
+
+/// Relations in the order in which they are tried.
+struct RelationOrder {
+  std::vector<Relation> likely;
+  /// Where none of the others gives a map that is not bad.
+  std::vector<Relation> unlikely;
+  bool may_be_surely_whole = true;
+};
+
+RelationOrder OrderOf(const ShapeOutline& x, const ShapeOutline& y,
+                      const MatchOptions& options) {
+  if (options.relation != Relation::kAuto) return {{options.relation}, {}};
+  if (!HasRim(x) && !HasRim(y)) return {{Relation::kWhole}, {}};
+  if (!HasRim(y)) return {{Relation::kPartOfY}, {Relation::kWhole}};
+  if (!HasRim(x)) return {{Relation::kPartOfX}, {Relation::kWhole}};
+  RelationOrder order;
+  const bool known = options.scale == LengthScale::kSame;
+  const double ratio = x.area / y.area;
+  const double unlike = std::max(ratio, 1 / ratio);
+  order.may_be_surely_whole = !known || unlike < kEqualArea;
+  const auto add = [&](Relation relation, bool is_likely) {
+    (is_likely || !known ? order.likely : order.unlikely).push_back(relation);
+  };
+  add(Relation::kWhole, unlike < kSameArea);
+  add(Relation::kOverlap, true);
+  add(Relation::kPartOfY, ratio < kLargerPart);
+  add(Relation::kPartOfX, 1 / ratio < kLargerPart);
+  return order;
+}
+
+/// Options as which a relation is tried.
+MatchOptions OptionsAs(Relation relation, const MatchOptions& options) {
+  MatchOptions chosen = options;
+  chosen.relation = relation;
+  if (options.relation == relation) return chosen;
+  if (relation == Relation::kWhole) chosen.scale = LengthScale::kAuto;
+  if (relation == Relation::kOverlap) chosen.scale = LengthScale::kSame;
+  return chosen;
+}
+
+/// Makes one series of the reports of several matches: the preparation is
+/// reported once, and each match has an equal share of the rest.
+class JoinedTries {
+ public:
+  JoinedTries(const ProgressCallback& progress, const MatchOptions& options,
+              int tries)
+      : progress_(progress), tries_(tries) {
+    double prepared = 0;
+    double all = 0;
+    for (const auto& [stage, weight] : StagePlan(options)) {
+      if (stage < Stage::kSeeds) prepared += weight;
+      all += weight;
+    }
+    prepared_ = prepared / all;
+  }
+
+  ProgressCallback OfNext() {
+    const int number = number_++;
+    return [this, number](Progress report) {
+      if (!progress_ || (number > 0 && report.stage < Stage::kSeeds)) return;
+      if (report.stage >= Stage::kSeeds) {
+        const double of_match =
+            std::max(0.0, report.total_fraction - prepared_) / (1 - prepared_);
+        report.total_fraction =
+            prepared_ + (1 - prepared_) * (number + of_match) / tries_;
+      }
+      progress_(report);
+    };
+  }
+
+  void Finish() {
+    if (progress_ && number_ < tries_) progress_({Stage::kQuality, 1, 1});
+  }
+
+ private:
+  const ProgressCallback& progress_;
+  const int tries_;
+  double prepared_ = 0;  ///< of the whole, when preparation is over
+  int number_ = 0;
+};
+
+bool IsSurelyWhole(const Correspondence& found) {
+  return found.relation == Relation::kWhole &&
+         found.quality.mean_confidence >= kSurelyWhole &&
+         found.quality.coverage >= kAllCovered;
+}
+
+/// Keeps the best of what is found.
+class RelationSearch {
+ public:
+  RelationSearch(const MatchOptions& options, bool may_be_surely_whole,
+                 const MatchAs& match, JoinedTries* joined)
+      : options_(options),
+        may_be_surely_whole_(may_be_surely_whole),
+        match_(match),
+        joined_(*joined) {}
+
+  /// Tries them in turn, until one is sure. Errors of which one can be due to
+  /// the relation alone are kept for later.
+  absl::Status Try(const std::vector<Relation>& relations) {
+    for (const Relation relation : relations) {
+      if (is_sure_) return absl::OkStatus();
+      absl::StatusOr<Correspondence> found = BestOf(relation);
+      if (absl::IsFailedPrecondition(found.status())) {
+        failure_.Update(found.status());
+      } else if (!found.ok()) {
+        return found.status();
+      } else {
+        Compare(*std::move(found));
+      }
+    }
+    return absl::OkStatus();
+  }
+
+  bool has_one_not_bad() const {
+    return best_ && best_->verdict.level != VerdictLevel::kBad;
+  }
+
+  /// Nothing else could be.
+  void SetSure() { is_sure_ = true; }
+
+  absl::StatusOr<Correspondence> Result() && {
+    if (!best_) return failure_;
+    best_->relation_confidence =
+        is_sure_ ? 1
+                 : std::clamp((ScoreOf(*best_) - next_) / kSureLead, 0., 1.);
+    if (best_->relation == Relation::kOverlap &&
+        options_.scale == LengthScale::kAuto) {
+      best_->warnings.emplace_back(
+          "taken to have one unit: what two parts have in common does not tell "
+          "it");
+    }
+    best_->verdict = VerdictOf(*best_);
+    return *std::move(best_);
+  }
+
+ private:
+  absl::StatusOr<Correspondence> BestOf(Relation relation) {
+    MatchOptions options = OptionsAs(relation, options_);
+    absl::StatusOr<Correspondence> best = match_(options, joined_.OfNext());
+    if (relation != Relation::kOverlap) return best;
+    for (int i = 0; i < kMoreSeeds && best.ok() &&
+                    best->quality.mean_confidence < kSurelyGrown;
+         ++i) {
+      ++options.random_seed;
+      absl::StatusOr<Correspondence> other = match_(options, joined_.OfNext());
+      if (absl::IsFailedPrecondition(other.status())) continue;
+      if (!other.ok() ||
+          other->quality.mean_confidence > best->quality.mean_confidence) {
+        best = std::move(other);
+      }
+    }
+    return best;
+  }
+
+  void Compare(Correspondence found) {
+    is_sure_ = is_sure_ || (may_be_surely_whole_ && IsSurelyWhole(found));
+    const double score = ScoreOf(found);
+    if (best_ && score <= ScoreOf(*best_)) {
+      next_ = std::max(next_, score);
+      return;
+    }
+    if (best_) next_ = ScoreOf(*best_);
+    best_ = std::move(found);
+  }
+
+  const MatchOptions& options_;
+  const bool may_be_surely_whole_;
+  const MatchAs& match_;
+  JoinedTries& joined_;
+  std::optional<Correspondence> best_;
+  double next_ = 0;  ///< score of the second best
+  bool is_sure_ = false;
+  absl::Status failure_;
+};
+
+}  // namespace
+
+ShapeOutline OutlineOf(const TriangleMesh& mesh) {
+  const EdgeFaces edges(mesh.faces);
+  ShapeOutline outline;
+  outline.area = SurfaceArea(mesh);
+  for (VertexIndex f = 0; f < mesh.num_faces(); ++f) {
+    for (int corner = 0; corner < 3; ++corner) {
+      if (!edges.IsBoundary(f, corner)) continue;
+      outline.rim += (mesh.positions.row(mesh.faces(f, corner)) -
+                      mesh.positions.row(mesh.faces(f, (corner + 1) % 3)))
+                         .norm();
+    }
+  }
+  outline.rim /= std::sqrt(outline.area);
+  return outline;
+}
+
+int MostTries(const ShapeOutline& x, const ShapeOutline& y,
+              const MatchOptions& options) {
+  const RelationOrder order = OrderOf(x, y, options);
+  int tries = 0;
+  for (const auto* relations : {&order.likely, &order.unlikely}) {
+    for (const Relation relation : *relations) {
+      tries += relation == Relation::kOverlap ? 1 + kMoreSeeds : 1;
+    }
+  }
+  return tries;
+}
+
+absl::StatusOr<Correspondence> FindRelation(const ShapeOutline& x,
+                                            const ShapeOutline& y,
+                                            const MatchOptions& options,
+                                            const ProgressCallback& progress,
+                                            const MatchAs& match) {
+  const RelationOrder order = OrderOf(x, y, options);
+  JoinedTries joined(progress, options, MostTries(x, y, options));
+  RelationSearch search(options, order.may_be_surely_whole, match, &joined);
+  ISOMATCH_RETURN_IF_ERROR(search.Try(order.likely));
+  if (!search.has_one_not_bad()) {
+    ISOMATCH_RETURN_IF_ERROR(search.Try(order.unlikely));
+  }
+  if (order.likely.size() == 1 &&
+      (order.unlikely.empty() || search.has_one_not_bad())) {
+    search.SetSure();
+  }
+  joined.Finish();
+  return std::move(search).Result();
+}
+
+}  // namespace isomatch
