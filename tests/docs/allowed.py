@@ -235,6 +235,7 @@ ALLOWED = [
     Allowed("scripts/bench fetch-sets", "needs clones of other repositories", check_fetch_sets),
     Allowed("scripts/bench view", "needs Chromium", programs.check_script),
     Allowed("scripts/bench", "measures for minutes", programs.check_bench),
+    Allowed("tests/bench/part_pictures", "needs the release build", programs.check_script),
     Allowed("scripts/cluster", "stays until Ctrl-C", programs.check_script),
     Allowed("docker/build", "needs docker, podman or buildah", programs.check_script),
     Allowed("docker/smoke-test", "needs root and the Debian mirror", programs.check_script),

@@ -335,7 +335,7 @@ class ArgumentsTest(unittest.TestCase):
     def test_what_is_wrong_is_named(self):
         self.expect_field("profile", "'quick', expected default or paper", profile="quick")
         self.expect_field("profile", "is 7, expected 'default' or", profile=7)
-        self.expect_field("relation", "'a', expected whole, part-of-y, part-of-x or overlap", relation="a")
+        self.expect_field("relation", "'a', expected whole, part-of-y, part-of-x, overlap or auto", relation="a")
         self.expect_field("scale", "is None, expected 'auto' or", scale=None)
         self.expect_field("random_seed", "-1, expected 0 to", random_seed=-1)
         self.expect_field("threads", "is 'two', expected an integer$", threads="two")
