@@ -46,6 +46,22 @@ constexpr double kDoublingBorder = 5;
 /// Stands for a misfit that is not finite: X cannot be laid on Y at all.
 constexpr double kNoFit = 1e6;
 
+/// Dense maps are one where this much of X, of which one vertex in so many is
+/// looked at, goes no farther apart, sqrt(area).
+constexpr double kSameMap = 0.8;
+constexpr std::size_t kEvery = 7;
+constexpr float kSamePlace = 0.1f;
+
+bool AreOne(const BasisPoints& basis_y, const VertexMap& a,
+            const VertexMap& b) {
+  std::size_t same = 0;
+  std::size_t compared = 0;
+  for (std::size_t x = 0; x < a.size(); x += kEvery, ++compared) {
+    same += basis_y.LowerBound(a[x], b[x]) <= kSamePlace;
+  }
+  return static_cast<double>(same) > kSameMap * static_cast<double>(compared);
+}
+
 AlignmentShape ShapeOf(const PreparedMesh& prepared,
                        const PointColumns& functions) {
   const WorkingMesh& solved = prepared.solved();
@@ -302,6 +318,30 @@ absl::StatusOr<std::vector<float>> CandidateChoice::DescriptorOffsets(
             .norm());
   }
   return offsets;
+}
+
+void DropMirrored(std::vector<Candidate>* candidates) {
+  const auto mirrored = std::stable_partition(
+      candidates->begin(), candidates->end(), [](const Candidate& candidate) {
+        return candidate.scores.orientation_score >= 0;
+      });
+  if (mirrored != candidates->begin()) {
+    candidates->erase(mirrored, candidates->end());
+  }
+}
+
+void DropRepeated(const BasisPoints& basis_y,
+                  std::vector<Candidate>* candidates) {
+  std::vector<Candidate> distinct;
+  for (Candidate& candidate : *candidates) {
+    if (std::none_of(
+            distinct.begin(), distinct.end(), [&](const Candidate& better) {
+              return AreOne(basis_y, candidate.y_from_x, better.y_from_x);
+            })) {
+      distinct.push_back(std::move(candidate));
+    }
+  }
+  *candidates = std::move(distinct);
 }
 
 double SymmetryConfidence(const MatchOptions& options,

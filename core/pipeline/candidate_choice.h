@@ -12,6 +12,7 @@
 #include "core/alignment/elastic_alignment.h"
 #include "core/base/vertex_index.h"
 #include "core/descriptor/nearby_match.h"
+#include "core/geodesic/basis_points.h"
 #include "core/pipeline/correspondence.h"
 #include "core/pipeline/counterpart_rule.h"
 #include "core/pipeline/match_options.h"
@@ -101,6 +102,15 @@ class CandidateChoice {
   std::array<ShapeDescriptors, 2> own_;
   std::optional<CounterpartRule> rule_;  ///< of parts
 };
+
+/// Leaves out those with a negative orientation score, unless all have one.
+void DropMirrored(std::vector<Candidate>* candidates);
+
+/// Of those that lead nearly all of X to about the same places on Y, whose
+/// basis is given, leaves the first: what grew in two ways may end as one map,
+/// which is no rival. REQUIRES: dense maps.
+void DropRepeated(const BasisPoints& basis_y,
+                  std::vector<Candidate>* candidates);
 
 /// 1 - rank value of the best / of the next; 1 without a next, 0 when nothing
 /// was compared. REQUIRES: sorted.

@@ -117,7 +117,7 @@ struct Correspondence {
   /// What the shapes were taken for; never kAuto.
   Relation relation = Relation::kWhole;
   /// 0 to 1: how sure that is; 1 where MatchOptions say so, or where rims leave
-  /// one relation.
+  /// one relation; 0 where a bad map tells nothing.
   double relation_confidence = 1;
   /// X's lengths times this are in Y's unit: 1 where both have one unit.
   double scale = 1;

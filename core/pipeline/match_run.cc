@@ -37,9 +37,6 @@ constexpr std::uint64_t kSecondStageStream = std::uint64_t{1} << 40;
 constexpr double kRounding = 1e-8;
 /// Seeds of a part that grow as those of overlaps do.
 constexpr std::size_t kGrownSeeds = 120;
-/// Dense maps are one where this much of X goes no farther apart, sqrt(area).
-constexpr double kSameMap = 0.8;
-constexpr float kSamePlace = 0.1f;
 /// A landmark is kept when the map sends it no further than this from where it
 /// should go, in sqrt(area).
 constexpr float kLandmarkTolerance = 0.1f;
@@ -228,6 +225,7 @@ class MatchRun {
     for (const GrownOverlap& one : grown) {
       candidates_.push_back(MakeCandidate(RankedMapOf(one, trusted)));
     }
+    if (trusted.empty()) DropMirrored(&candidates_);
     return absl::OkStatus();
   }
 
@@ -353,32 +351,11 @@ class MatchRun {
     choice_.emplace(shape(kX), shape(kY), options_, stop_);
     ISOMATCH_ASSIGN_OR_RETURN(
         alignment_, choice_->Choose(progress_.Share(0, 1), &candidates_));
-    if (part_ != nullptr) DropRepeated();
+    if (part_ != nullptr && options_.relation != Relation::kOverlap) {
+      DropRepeated(shape(kY).hash.basis, &candidates_);
+    }
     Keep(Stage::kChoice);
     return absl::OkStatus();
-  }
-
-  /// Whether two dense maps lead to about the same places nearly everywhere.
-  bool AreOne(const VertexMap& a, const VertexMap& b) const {
-    std::size_t same = 0;
-    for (std::size_t x = 0; x < a.size(); ++x) {
-      same += shape(kY).hash.basis.LowerBound(a[x], b[x]) <= kSamePlace;
-    }
-    return static_cast<double>(same) > kSameMap * static_cast<double>(a.size());
-  }
-
-  /// Of a part, what grew in two ways may end as one map, which is no rival.
-  void DropRepeated() {
-    std::vector<Candidate> distinct;
-    for (Candidate& candidate : candidates_) {
-      if (std::none_of(distinct.begin(), distinct.end(),
-                       [&](const Candidate& better) {
-                         return AreOne(candidate.y_from_x, better.y_from_x);
-                       })) {
-        distinct.push_back(std::move(candidate));
-      }
-    }
-    candidates_ = std::move(distinct);
   }
 
   /// Decides which landmarks the map respects, and sets those.

@@ -260,8 +260,9 @@ std::int64_t MostOfAll(const MatchOptions& options, const Estimate& estimate) {
   return most;
 }
 
-/// Of the best map yet, while others are found; a vertex of X.
-constexpr double kFoundPerVertex = 64;
+/// Of the two best maps yet, while another is found: a vertex of X, and of Y.
+constexpr double kFoundPerX = 160;
+constexpr double kFoundPerY = 2;
 
 }  // namespace
 
@@ -284,15 +285,17 @@ std::int64_t EstimatePreparedExtraBytes(MeshSize x, MeshSize y,
 std::int64_t EstimateMemoryBytes(MeshSize x, MeshSize y,
                                  std::int64_t num_landmarks,
                                  const MatchOptions& options) {
-  if (options.relation != Relation::kAuto) {
-    return EstimateAsTold(x, y, num_landmarks, options);
+  const double found = kFoundPerX * static_cast<double>(x.vertices) +
+                       kFoundPerY * static_cast<double>(y.vertices);
+  if (options.relation == Relation::kAuto) {
+    return MostOfAll(options, [&](const MatchOptions& tried) {
+      return EstimateMemoryBytes(x, y, num_landmarks, tried);
+    });
   }
-  return MostOfAll(options,
-                   [&](const MatchOptions& tried) {
-                     return EstimateAsTold(x, y, num_landmarks, tried);
-                   }) +
-         static_cast<std::int64_t>(kFoundPerVertex *
-                                   static_cast<double>(x.vertices));
+  return EstimateAsTold(x, y, num_landmarks, options) +
+         (options.relation == Relation::kOverlap
+              ? static_cast<std::int64_t>(found)
+              : 0);
 }
 
 }  // namespace isomatch

@@ -105,18 +105,20 @@ class JoinedTries {
     const int number = number_++;
     return [this, number](Progress report) {
       if (!progress_ || (number > 0 && report.stage < Stage::kSeeds)) return;
-      if (report.stage >= Stage::kSeeds) {
+      if (tries_ > 1 && report.stage >= Stage::kSeeds) {
         const double of_match =
             std::max(0.0, report.total_fraction - prepared_) / (1 - prepared_);
         report.total_fraction =
             prepared_ + (1 - prepared_) * (number + of_match) / tries_;
       }
+      // Components are prepared one after the other.
+      told_ = report.total_fraction = std::max(told_, report.total_fraction);
       progress_(report);
     };
   }
 
   void Finish() {
-    if (progress_ && number_ < tries_) progress_({Stage::kQuality, 1, 1});
+    if (progress_ && told_ < 1) progress_({Stage::kQuality, 1, 1});
   }
 
  private:
@@ -124,12 +126,19 @@ class JoinedTries {
   const int tries_;
   double prepared_ = 0;  ///< of the whole, when preparation is over
   int number_ = 0;
+  double told_ = 0;
 };
 
 bool IsSurelyWhole(const Correspondence& found) {
   return found.relation == Relation::kWhole &&
          found.quality.mean_confidence >= kSurelyWhole &&
          found.quality.coverage >= kAllCovered;
+}
+
+/// Whether another random seed may find a better overlap.
+bool IsWorthMore(const absl::StatusOr<Correspondence>& found) {
+  return found.ok() ? found->quality.mean_confidence < kSurelyGrown
+                    : absl::IsFailedPrecondition(found.status());
 }
 
 /// Keeps the best of what is found.
@@ -159,18 +168,19 @@ class RelationSearch {
     return absl::OkStatus();
   }
 
-  bool has_one_not_bad() const {
-    return best_ && best_->verdict.level != VerdictLevel::kBad;
-  }
+  bool has_one_not_bad() const { return has_one_not_bad_; }
 
   /// Nothing else could be.
   void SetSure() { is_sure_ = true; }
 
   absl::StatusOr<Correspondence> Result() && {
     if (!best_) return failure_;
-    best_->relation_confidence =
-        is_sure_ ? 1
-                 : std::clamp((ScoreOf(*best_) - next_) / kSureLead, 0., 1.);
+    const bool is_bad = best_->verdict.level == VerdictLevel::kBad;
+    const double lead = (ScoreOf(*best_) - next_) / kSureLead;
+    best_->relation_confidence = is_sure_ ? 1
+                                 : is_bad ? 0
+                                          : std::clamp(lead, 0.0, 1.0);
+    if (options_.scale == LengthScale::kSame) best_->scale = 1;
     if (best_->relation == Relation::kOverlap &&
         options_.scale == LengthScale::kAuto) {
       best_->warnings.emplace_back(
@@ -186,13 +196,11 @@ class RelationSearch {
     MatchOptions options = OptionsAs(relation, options_);
     absl::StatusOr<Correspondence> best = match_(options, joined_.OfNext());
     if (relation != Relation::kOverlap) return best;
-    for (int i = 0; i < kMoreSeeds && best.ok() &&
-                    best->quality.mean_confidence < kSurelyGrown;
-         ++i) {
+    for (int i = 0; i < kMoreSeeds && IsWorthMore(best); ++i) {
       ++options.random_seed;
       absl::StatusOr<Correspondence> other = match_(options, joined_.OfNext());
       if (absl::IsFailedPrecondition(other.status())) continue;
-      if (!other.ok() ||
+      if (!other.ok() || !best.ok() ||
           other->quality.mean_confidence > best->quality.mean_confidence) {
         best = std::move(other);
       }
@@ -201,6 +209,8 @@ class RelationSearch {
   }
 
   void Compare(Correspondence found) {
+    has_one_not_bad_ =
+        has_one_not_bad_ || found.verdict.level != VerdictLevel::kBad;
     is_sure_ = is_sure_ || (may_be_surely_whole_ && IsSurelyWhole(found));
     const double score = ScoreOf(found);
     if (best_ && score <= ScoreOf(*best_)) {
@@ -218,6 +228,7 @@ class RelationSearch {
   std::optional<Correspondence> best_;
   double next_ = 0;  ///< score of the second best
   bool is_sure_ = false;
+  bool has_one_not_bad_ = false;
   absl::Status failure_;
 };
 
@@ -267,8 +278,9 @@ absl::StatusOr<Correspondence> FindRelation(const ShapeOutline& x,
       (order.unlikely.empty() || search.has_one_not_bad())) {
     search.SetSure();
   }
-  joined.Finish();
-  return std::move(search).Result();
+  absl::StatusOr<Correspondence> result = std::move(search).Result();
+  if (result.ok()) joined.Finish();
+  return result;
 }
 
 }  // namespace isomatch

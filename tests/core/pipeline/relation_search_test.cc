@@ -49,6 +49,8 @@ class RelationSearchTest : public testing::Test {
   LengthScale scale_ = LengthScale::kSame;
   Relation relation_ = Relation::kAuto;
   std::uint64_t better_seed_ = 0;
+  std::uint64_t only_seed_ = 0;
+  double confidence_of_it_ = 0;
   std::map<Relation, double> confidence_;
   double coverage_ = 1;
   std::vector<Relation> tried_;
@@ -64,8 +66,11 @@ class RelationSearchTest : public testing::Test {
     seeds_.push_back(options.random_seed);
     for (const auto& [stage, total] :
          {std::pair(Stage::kPrepare, 0.0), std::pair(Stage::kSpectral, 0.3),
-          std::pair(Stage::kSeeds, 0.5), std::pair(Stage::kQuality, 1.0)}) {
+          std::pair(Stage::kSeeds, 0.5), std::pair(Stage::kQuality, 0.9)}) {
       progress({stage, 0, total});
+    }
+    if (options.random_seed == only_seed_) {
+      confidence_[options.relation] = confidence_of_it_;
     }
     const auto found = confidence_.find(options.relation);
     if (found == confidence_.end()) {
@@ -142,13 +147,13 @@ TEST_F(RelationSearchTest, AWholeMapThatIsSureIsNotCompared) {
   EXPECT_EQ(reports_.back().total_fraction, 1);
   coverage_ = 0.9;
   ASSERT_THAT(Find(kOpen, kOpen), IsOk());
-  EXPECT_EQ(tried_.size(), 4u);
+  EXPECT_EQ(tried_.size(), 6u);  // three overlaps
 }
 
 TEST_F(RelationSearchTest, AreasInOneUnitTell) {
   confidence_ = {{Relation::kWhole, 0.75}};
   ASSERT_THAT(Find({2, 0.8}, kOpen), IsOk());
-  EXPECT_EQ(tried_.size(), 3u);
+  EXPECT_EQ(tried_.size(), 5u);
   confidence_ = {{Relation::kOverlap, 0.6}, {Relation::kPartOfY, 0.7}};
   auto found = Find(kSmallOpen, kOpen);
   ASSERT_THAT(found, IsOk());
@@ -178,6 +183,14 @@ TEST_F(RelationSearchTest, AnOverlapThatIsNotConfidentIsLookedForAgain) {
   ASSERT_THAT(found, IsOk());
   EXPECT_THAT(seeds_, ElementsAre(1, 2, 3));
   EXPECT_EQ(found->relation_confidence, 1);
+  // One of them may find none.
+  confidence_.clear();
+  only_seed_ = 3;
+  confidence_of_it_ = 0.4;
+  ASSERT_THAT(Find(kOpen, kOpen), IsOk());
+  EXPECT_EQ(reports_.back().total_fraction, 1);
+  only_seed_ = 0;
+  confidence_ = {{Relation::kOverlap, 0.5}};
   // The best of them.
   better_seed_ = 2;
   EXPECT_NEAR(Find(kOpen, kOpen)->quality.mean_confidence, 0.6, 1e-9);
@@ -188,7 +201,7 @@ TEST_F(RelationSearchTest, WhereAllFailTheFirstErrorIsTold) {
   const auto found = Find(kOpen, kOpen);
   EXPECT_EQ(found.status().code(), absl::StatusCode::kFailedPrecondition);
   EXPECT_EQ(found.status().message(), "whole");
-  EXPECT_EQ(tried_.size(), 4u);
+  EXPECT_EQ(tried_.size(), 6u);
 }
 
 TEST_F(RelationSearchTest, ProgressNeverFallsAndEndsWithOne) {
