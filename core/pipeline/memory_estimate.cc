@@ -189,9 +189,19 @@ double RuleBytes(double stencils, double n, const MatchOptions& options) {
   return stencils + kWorkspacePerVertex * n * Threads(options);
 }
 
+/// The two best overlaps yet, while another is found, on all vertices.
+double FoundBytes(MeshSize x, MeshSize y, const MatchOptions& options) {
+  constexpr double kPerX = 160;
+  constexpr double kPerY = 2;
+  if (options.relation != Relation::kOverlap) return 0;
+  return kPerX * static_cast<double>(x.vertices) +
+         kPerY * static_cast<double>(y.vertices);
+}
+
 /// EstimateMemoryBytes of a relation that is known.
 std::int64_t EstimateAsTold(MeshSize x, MeshSize y, std::int64_t num_landmarks,
                             const MatchOptions& options) {
+  const double found = FoundBytes(x, y, options);
   // The part is laid on the whole.
   if (options.relation == Relation::kPartOfX) std::swap(x, y);
   const FullBytes full_x = FullBytesOf(x, options);
@@ -244,7 +254,8 @@ std::int64_t EstimateAsTold(MeshSize x, MeshSize y, std::int64_t num_landmarks,
   constexpr double kLargest = 9e18;
   const double with_full = std::max(full_x.at_first + full_y.at_first,
                                     full_x.later + full_y.later + peak);
-  return static_cast<std::int64_t>(std::min(with_full + kFixed, kLargest));
+  return static_cast<std::int64_t>(
+      std::min(with_full + kFixed + found, kLargest));
 }
 
 /// The most that `estimate` says of the relations that are tried.
@@ -259,10 +270,6 @@ std::int64_t MostOfAll(const MatchOptions& options, const Estimate& estimate) {
   }
   return most;
 }
-
-/// Of the two best maps yet, while another is found: a vertex of X, and of Y.
-constexpr double kFoundPerX = 160;
-constexpr double kFoundPerY = 2;
 
 }  // namespace
 
@@ -285,17 +292,12 @@ std::int64_t EstimatePreparedExtraBytes(MeshSize x, MeshSize y,
 std::int64_t EstimateMemoryBytes(MeshSize x, MeshSize y,
                                  std::int64_t num_landmarks,
                                  const MatchOptions& options) {
-  const double found = kFoundPerX * static_cast<double>(x.vertices) +
-                       kFoundPerY * static_cast<double>(y.vertices);
   if (options.relation == Relation::kAuto) {
     return MostOfAll(options, [&](const MatchOptions& tried) {
       return EstimateMemoryBytes(x, y, num_landmarks, tried);
     });
   }
-  return EstimateAsTold(x, y, num_landmarks, options) +
-         (options.relation == Relation::kOverlap
-              ? static_cast<std::int64_t>(found)
-              : 0);
+  return EstimateAsTold(x, y, num_landmarks, options);
 }
 
 }  // namespace isomatch

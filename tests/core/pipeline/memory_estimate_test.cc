@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cstdint>
 #include <limits>
 #include <string>
@@ -94,6 +95,28 @@ TEST(MemoryEstimateGrowthTest, HostileSizesDoNotWrapAround) {
   constexpr std::int64_t kHuge = std::numeric_limits<std::int64_t>::max();
   EXPECT_GT(EstimateMemoryBytes({kHuge, kHuge}, {4, 4}, kHuge, {}),
             std::int64_t{1} << 60);
+  for (const Relation relation : kRelations) {
+    MatchOptions options;
+    options.relation = relation;
+    options.scale = LengthScale::kSame;
+    EXPECT_GT(EstimateMemoryBytes({kHuge, kHuge}, {4, 4}, kHuge, options),
+              std::int64_t{1} << 60);
+  }
+}
+
+TEST(MemoryEstimateGrowthTest, WhatIsFoundOutTakesAsMuchAsAnyOfIt) {
+  const MeshSize x = {5000, 10000};
+  const MeshSize y = {3000, 6000};
+  std::int64_t most = 0;
+  MatchOptions options;
+  for (const Relation relation : kRelations) {
+    options.relation = relation;
+    most = std::max(most, EstimateMemoryBytes(x, y, 0, options));
+  }
+  options.relation = Relation::kAuto;
+  EXPECT_EQ(EstimateMemoryBytes(x, y, 0, options), most);
+  options.relation = Relation::kWhole;
+  EXPECT_LT(EstimateMemoryBytes(x, y, 0, options), most);
 }
 
 }  // namespace
