@@ -117,6 +117,9 @@ nlohmann::json ToJson(const PairResult& result) {
           {"verdict", VerdictName(result.verdict.level)},
           {"relation", RelationName(result.relation)},
           {"relation_confidence", result.relation_confidence},
+          {"mean_confidence", result.mean_confidence},
+          {"rank_value", result.rank_value},
+          {"scale", result.scale},
           {"iou", result.iou.value_or(1)},
           {"stages", std::move(stages)}};
 }

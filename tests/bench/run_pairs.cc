@@ -77,6 +77,9 @@ absl::StatusOr<PairResult> RunPair(const MeshPair& pair, int true_landmarks,
                        found.verdict,
                        found.relation,
                        found.relation_confidence,
+                       found.quality.mean_confidence,
+                       found.scores.rank_value,
+                       found.scale,
                        {}};
   const GeodesicErrorMeter meter(pair.mesh_y);
   for (const StageMap& map : found.stage_maps) {

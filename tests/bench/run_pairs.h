@@ -46,6 +46,9 @@ struct PairResult {
   Verdict verdict;
   Relation relation = Relation::kWhole;
   double relation_confidence = 1;
+  double mean_confidence = 0;
+  double rank_value = 0;
+  double scale = 1;
   std::vector<RatedVertex> rated;  ///< vertices with a truth and an image
   /// Of the part of X that has a counterpart, as OverlapIou, by area.
   std::optional<double> iou = {};
