@@ -26,6 +26,9 @@ import random
 from off_pairs import listed_pairs, read_off, read_truth, submesh, write_off
 
 
+KINDS = ("views", "halves", "holed", "nested", "turned", "alike", "overlap")
+
+
 def minus(a, b):
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
@@ -92,10 +95,31 @@ def part(mesh, is_kept):
     return piece, [kept[v] for v in of_cut]
 
 
+class Nearness:
+    """Whether two vertices are some edges apart at most."""
+
+    EDGES = 5
+
+    def __init__(self, mesh):
+        self.neighbors = neighbors_of(mesh)
+        self.around = {}
+
+    def __call__(self, a, b):
+        if a not in self.around:
+            ring = found = {a}
+            for _ in range(self.EDGES):
+                ring = {other for v in ring for other in self.neighbors[v]} - found
+                found = found | ring
+            self.around[a] = found
+        return b in self.around[a]
+
+
 def scan(mesh, direction):
     """What is seen of the mesh against `direction`, sampled at the steps of a
-    grid half as wide as a mean edge; and of each point the vertex next to it."""
+    grid half as wide as a mean edge; and of each point the vertex next to it.
+    Where one limb hides another they are not joined, even if they touch."""
     vertices, faces = mesh
+    are_near = Nearness(mesh)
     edges = [math.dist(vertices[f[0]], vertices[f[1]]) for f in faces]
     step = 0.5 * sum(edges) / len(edges)
     right = unit(cross(direction, (0.3, 0.5, 0.8)))
@@ -131,9 +155,9 @@ def scan(mesh, direction):
             if not all(corner in index for corner in corners):
                 continue
             a, b, c = (index[corner] for corner in corners)
-            # Beyond a jump in depth another limb begins.
-            if max(math.dist(points[p], points[q])
-                   for p, q in ((a, b), (b, c), (c, a))) < 5 * step:
+            if all(math.dist(points[p], points[q]) < 5 * step
+                   and are_near(nearest[p], nearest[q])
+                   for p, q in ((a, b), (b, c), (c, a))):
                 facing = dot(cross(minus(points[b], points[a]), minus(points[c], points[a])),
                              direction)
                 triangles.append((a, b, c) if facing > 0 else (a, c, b))
@@ -144,10 +168,14 @@ def scan(mesh, direction):
 
 class Maker:
     def __init__(self, out, sets, arguments):
-        self.dice = random.Random(arguments.seed)
+        self.seed = arguments.seed
         self.out, self.scaled = out, arguments.scale
         self.listed = listed_pairs(sets)
         self.pairs = collections.defaultdict(list)
+
+    def make(self, kind, number):
+        self.dice = random.Random(f"{self.seed} {kind} {number}")
+        getattr(self, kind)(number)
 
     def direction(self):
         return unit([self.dice.gauss(0, 1) for _ in range(3)])
@@ -245,10 +273,9 @@ def main():
     parser.add_argument("sets", type=pathlib.Path, nargs="+")
     arguments = parser.parse_args()
     maker = Maker(arguments.out, arguments.sets, arguments)
-    for make in (maker.views, maker.nested, maker.turned, maker.alike, maker.overlap,
-                 maker.halves, maker.holed):
+    for kind in KINDS:
         for i in range(arguments.count):
-            make(i)
+            maker.make(kind, i)
     for kind, pairs in maker.pairs.items():
         (arguments.out / kind / "pairs.txt").write_text("\n".join(pairs) + "\n")
 
