@@ -3,9 +3,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numeric>
+#include <iterator>
 #include <utility>
 
+#include "absl/types/span.h"
 #include "core/base/parallel.h"
 #include "core/base/status_macros.h"
 #include "core/matching/orientation.h"
@@ -23,8 +24,10 @@ constexpr float kUnlikeness = 0.35f;
 constexpr int kGrowthNeighbors = 8;
 constexpr float kGrowthReach = 0.2f;
 constexpr float kNearWidth = 0.12f;
-/// Points near which neighbors are looked for.
-constexpr std::size_t kNearestPoints = 400;
+/// How many times as far away they may be in the first pass, when there are
+/// few, and in the others.
+constexpr float kFirstReaches = 4;
+constexpr float kNextReaches = 1.5f;
 /// Matched points anywhere that say so too, and how much that counts.
 constexpr std::size_t kAnchors = 12;
 constexpr float kFar = 0.25f;
@@ -52,16 +55,45 @@ constexpr double kSameResult = 0.6;
 struct Tolerance {
   float base;
   float relative;
-  float Of(float distance) const { return base + relative * distance; }
+  constexpr float Of(float distance) const {
+    return base + relative * distance;
+  }
 };
 constexpr Tolerance kPossible = {0.04f, 0.5f};
+/// Farther away from a point no neighbor, and no place beside its image, lies.
+constexpr float kMostReachX = kFirstReaches * kGrowthReach;
+constexpr float kMostReachY = kMostReachX + kPossible.Of(kMostReachX);
 constexpr Tolerance kNearDistance = {0.04f, 0.3f};
 constexpr Tolerance kFarDistance = {0.06f, 0.2f};
 /// Of the final matches.
 constexpr Tolerance kKeptDistance = {0.04f, 0.1f};
 
-float Misfit(float on_x, float on_y, Tolerance tolerance) {
-  return std::min(1.0f, std::abs(on_x - on_y) / tolerance.Of(on_x));
+/// Points by distance from one of them.
+struct NearPoints {
+  std::vector<float> distances;  ///< ascending
+  std::vector<int> points;
+};
+
+/// Those within reach, of each point.
+absl::StatusOr<std::vector<NearPoints>> NearPointsOf(
+    const Eigen::MatrixXf& distances, float reach,
+    const std::stop_token& stop) {
+  std::vector<NearPoints> near(distances.cols());
+  ISOMATCH_RETURN_IF_ERROR(
+      ParallelFor(distances.cols(), stop, [&](std::int64_t p) {
+        std::vector<std::pair<float, int>> found;
+        for (int q = 0; q < static_cast<int>(distances.rows()); ++q) {
+          if (distances(q, p) <= reach) found.emplace_back(distances(q, p), q);
+        }
+        std::sort(found.begin(), found.end());
+        near[p].distances.reserve(found.size());
+        near[p].points.reserve(found.size());
+        for (const auto& [distance, q] : found) {
+          near[p].distances.push_back(distance);
+          near[p].points.push_back(q);
+        }
+      }));
+  return near;
 }
 
 /// What does not change while seeds grow.
@@ -70,29 +102,14 @@ struct Ground {
   const SeedSide& x;
   const SeedSide& y;
   const OverlapGrowthOptions& options;
-  std::vector<std::vector<int>> nearest_x;  ///< of each point, itself first
+  std::vector<NearPoints> near_x;  ///< of each point, itself first
+  std::vector<NearPoints> near_y;
 
   int size_x() const { return static_cast<int>(differences.cols()); }
   int size_y() const { return static_cast<int>(differences.rows()); }
   float DistanceX(int a, int b) const { return x.distances(a, b); }
   float DistanceY(int a, int b) const { return y.distances(a, b); }
 };
-
-std::vector<std::vector<int>> NearestPoints(const Eigen::MatrixXf& distances) {
-  std::vector<std::vector<int>> nearest(distances.cols());
-  for (Eigen::Index p = 0; p < distances.cols(); ++p) {
-    std::vector<int>& order = nearest[p];
-    order.resize(distances.cols());
-    std::iota(order.begin(), order.end(), 0);
-    const std::size_t count = std::min(kNearestPoints, order.size());
-    std::partial_sort(
-        order.begin(), order.begin() + count, order.end(), [&](int a, int b) {
-          return std::pair(distances(a, p), a) < std::pair(distances(b, p), b);
-        });
-    order.resize(count);
-  }
-  return nearest;
-}
 
 /// One seed as it grows.
 class Growth {
@@ -101,7 +118,9 @@ class Growth {
       : ground_(ground),
         y_of_x_(ground.size_x(), -1),
         costs_(ground.size_x(), kNever),
-        pinned_(ground.size_x(), false) {
+        pinned_(ground.size_x(), false),
+        first_at_(ground.size_y(), -1),
+        next_at_(ground.size_x(), -1) {
     for (std::size_t i = 0; i < seed.size(); ++i) {
       Place(seed[i].x, seed[i].y, 0);
       pinned_[seed[i].x] = static_cast<int>(i) < ground.options.pinned;
@@ -143,6 +162,14 @@ class Growth {
   bool matched(int x) const { return y_of_x_[x] >= 0; }
 
   void Place(int x, int y, float cost) {
+    if (y != y_of_x_[x]) {
+      if (matched(x)) {
+        int* at = &first_at_[y_of_x_[x]];
+        while (*at != x) at = &next_at_[*at];
+        *at = next_at_[x];
+      }
+      if (y >= 0) next_at_[x] = std::exchange(first_at_[y], x);
+    }
     y_of_x_[x] = y;
     costs_[x] = cost;
   }
@@ -158,7 +185,8 @@ class Growth {
     int changed = 0;
     for (const int x : Order(pass)) {
       if (pinned_[x]) continue;
-      const Neighbors neighbors = NeighborsOf(x, pass == 0 ? 4 : 1.5f);
+      const Neighbors neighbors =
+          NeighborsOf(x, pass == 0 ? kFirstReaches : kNextReaches);
       if (neighbors.count < least_neighbors_) {
         if (matched(x) && pass >= kFirstPasses) {
           TakeOut(x);
@@ -166,7 +194,7 @@ class Growth {
         }
         continue;
       }
-      PlaceFound found = BestPlace(x, neighbors, pass, anchors);
+      PlaceFound found = BestPlace(x, WitnessesOf(x, neighbors, pass, anchors));
       if (found.y >= 0 && OnWrongSide(x, found.y, neighbors)) {
         found.cost += kWrongSide;
       }
@@ -185,11 +213,10 @@ class Growth {
     // A seed's points lie apart; between them others are placed first.
     const float reach = (pass == 0 ? 1.5f : 1.0f) * kGrowthReach;
     for (int x = 0; x < ground_.size_x(); ++x) {
-      for (const int other : ground_.nearest_x[x]) {
-        const float distance = ground_.DistanceX(x, other);
-        if (distance > reach) break;
-        if (other == x || !matched(other)) continue;
-        found.emplace_back(distance, x);
+      const auto& [distances, points] = ground_.near_x[x];
+      for (std::size_t i = 0; i < points.size() && distances[i] <= reach; ++i) {
+        if (points[i] == x || !matched(points[i])) continue;
+        found.emplace_back(distances[i], x);
         break;
       }
     }
@@ -203,54 +230,83 @@ class Growth {
   Neighbors NeighborsOf(int x, float reaches) const {
     Neighbors neighbors;
     float sum = 0;
-    for (const int other : ground_.nearest_x[x]) {
-      const float distance = ground_.DistanceX(x, other);
+    const auto& [distances, points] = ground_.near_x[x];
+    for (std::size_t i = 0; i < points.size(); ++i) {
       if (neighbors.count == kGrowthNeighbors ||
-          distance > reaches * kGrowthReach)
+          distances[i] > reaches * kGrowthReach) {
         break;
-      if (other == x || !matched(other)) continue;
-      neighbors.points[neighbors.count] = other;
-      neighbors.weights[neighbors.count] = std::exp(-distance / kNearWidth);
+      }
+      if (points[i] == x || !matched(points[i])) continue;
+      neighbors.points[neighbors.count] = points[i];
+      neighbors.weights[neighbors.count] = std::exp(-distances[i] / kNearWidth);
       sum += neighbors.weights[neighbors.count++];
     }
     for (int i = 0; i < neighbors.count; ++i) neighbors.weights[i] /= sum;
     return neighbors;
   }
 
-  /// The point of Y at the right distances that looks most alike.
-  PlaceFound BestPlace(int x, const Neighbors& neighbors, int pass,
-                       const std::vector<int>& anchors) const {
+  /// A matched point, as it tells where another one belongs.
+  struct Witness {
+    int y;           ///< its own place
+    float distance;  ///< on X
+    float inverse_tolerance;
+    float weight;
+
+    float Cost(const float* distances_y) const {
+      return weight * std::min(1.0f, std::abs(distances_y[y] - distance) *
+                                         inverse_tolerance);
+    }
+  };
+
+  Witness WitnessOf(int x, int other, Tolerance tolerance, float weight) const {
+    const float distance = ground_.DistanceX(x, other);
+    return {y_of_x_[other], distance, 1 / tolerance.Of(distance), weight};
+  }
+
+  /// What says where a point belongs, nearest neighbor first.
+  absl::Span<const Witness> WitnessesOf(int x, const Neighbors& neighbors,
+                                        int pass,
+                                        const std::vector<int>& anchors) {
     const float far = pass > 0 ? kFar : 0;
-    PlaceFound best;
-    const int first = neighbors.points[0];
-    const float wanted = ground_.DistanceX(x, first);
-    const float tolerance = kPossible.Of(wanted);
-    const auto from_first = ground_.y.distances.col(y_of_x_[first]);
-    for (int y = 0; y < ground_.size_y(); ++y) {
-      if (std::abs(wanted - from_first[y]) > tolerance) continue;
+    witnesses_.clear();
+    for (int i = 0; i < neighbors.count; ++i) {
+      witnesses_.push_back(WitnessOf(x, neighbors.points[i], kNearDistance,
+                                     (1 - far) * neighbors.weights[i]));
+    }
+    if (far == 0) return witnesses_;
+    const auto left = std::count_if(anchors.begin(), anchors.end(),
+                                    [&](int a) { return matched(a); });
+    for (const int anchor : anchors) {
+      if (!matched(anchor)) continue;  // taken out meanwhile
+      witnesses_.push_back(
+          WitnessOf(x, anchor, kFarDistance, far / static_cast<float>(left)));
+    }
+    return witnesses_;
+  }
+
+  /// The point of Y at the right distances that looks most alike; none where
+  /// all cost too much.
+  PlaceFound BestPlace(int x, absl::Span<const Witness> witnesses) const {
+    PlaceFound best = {-1, kMostCost};
+    const Witness& nearest = witnesses.front();
+    const float tolerance = kPossible.Of(nearest.distance);
+    const auto& [distances, points] = ground_.near_y[nearest.y];
+    auto i = std::lower_bound(distances.begin(), distances.end(),
+                              nearest.distance - tolerance) -
+             distances.begin();
+    for (;
+         i < std::ssize(points) && distances[i] <= nearest.distance + tolerance;
+         ++i) {
+      const int y = points[i];
+      const float* const distances_y = &ground_.y.distances(0, y);
       float cost = kUnlikeness * ground_.differences(y, x);
-      for (int i = 0; i < neighbors.count && cost < best.cost; ++i) {
-        const int other = neighbors.points[i];
-        cost += (1 - far) * neighbors.weights[i] *
-                Misfit(ground_.DistanceX(x, other),
-                       ground_.DistanceY(y, y_of_x_[other]), kNearDistance);
+      for (const Witness& witness : witnesses) {
+        if (cost >= best.cost) break;
+        cost += witness.Cost(distances_y);
       }
-      if (far > 0) cost += far * AnchorMisfit(x, y, anchors);
       if (cost < best.cost) best = {y, cost};
     }
     return best;
-  }
-
-  float AnchorMisfit(int x, int y, const std::vector<int>& anchors) const {
-    float sum = 0;
-    int count = 0;
-    for (const int anchor : anchors) {
-      if (!matched(anchor)) continue;  // taken out meanwhile
-      sum += Misfit(ground_.DistanceX(x, anchor),
-                    ground_.DistanceY(y, y_of_x_[anchor]), kFarDistance);
-      ++count;
-    }
-    return count > 0 ? sum / static_cast<float>(count) : 0;
   }
 
   /// Whether y lies on the other side of its neighbors' images than x of them.
@@ -272,16 +328,18 @@ class Growth {
   /// Whether no point far from x that fits better lies at the place; those that
   /// fit worse are taken out.
   bool IsFree(int x, const PlaceFound& place, int* changed) {
-    for (int other = 0; other < ground_.size_x(); ++other) {
-      if (other == x || !matched(other) ||
-          ground_.DistanceX(x, other) < kApartX ||
-          ground_.DistanceY(place.y, y_of_x_[other]) > kOneOnY) {
-        continue;
+    const auto& [distances, points] = ground_.near_y[place.y];
+    in_the_way_.clear();
+    for (std::size_t i = 0; i < points.size() && distances[i] <= kOneOnY; ++i) {
+      for (int other = first_at_[points[i]]; other >= 0;
+           other = next_at_[other]) {
+        if (other == x || ground_.DistanceX(x, other) < kApartX) continue;
+        if (pinned_[other] || costs_[other] <= place.cost) return false;
+        in_the_way_.push_back(other);
       }
-      if (pinned_[other] || costs_[other] <= place.cost) return false;
-      TakeOut(other);
-      ++*changed;
     }
+    for (const int other : in_the_way_) TakeOut(other);
+    *changed += static_cast<int>(in_the_way_.size());
     return true;
   }
 
@@ -348,7 +406,12 @@ class Growth {
   std::vector<int> y_of_x_;  ///< -1 for none
   std::vector<float> costs_;
   std::vector<char> pinned_;
-  int least_neighbors_;
+  /// Points of X at each of Y: the first one, and the one after another.
+  std::vector<int> first_at_;
+  std::vector<int> next_at_;
+  int least_neighbors_ = 3;
+  std::vector<int> in_the_way_;
+  std::vector<Witness> witnesses_;  ///< of one point
 };
 
 /// Whether most points that either matches are matched by both, to one place.
@@ -394,8 +457,15 @@ std::vector<GrownOverlap> BestDistinct(std::vector<GrownOverlap> grown,
 absl::StatusOr<std::vector<GrownOverlap>> GrowOverlaps(
     const OverlapGround& ground, const std::vector<Seed>& seeds,
     const OverlapGrowthOptions& options, const std::stop_token& stop) {
-  const Ground around = {ground.differences, ground.x, ground.y, options,
-                         NearestPoints(ground.x.distances)};
+  ISOMATCH_ASSIGN_OR_RETURN(
+      std::vector<NearPoints> near_x,
+      NearPointsOf(ground.x.distances, kMostReachX, stop));
+  ISOMATCH_ASSIGN_OR_RETURN(
+      std::vector<NearPoints> near_y,
+      NearPointsOf(ground.y.distances, kMostReachY, stop));
+  const Ground around = {ground.differences, ground.x,
+                         ground.y,           options,
+                         std::move(near_x),  std::move(near_y)};
   std::vector<GrownOverlap> grown(seeds.size());
   ISOMATCH_RETURN_IF_ERROR(ParallelFor(
       static_cast<std::int64_t>(seeds.size()), stop,
