@@ -33,13 +33,13 @@ double Unlikeness(const Descriptor& a, const Descriptor& b, double start,
 
 absl::StatusOr<ShapeDescriptors> DescribeShape(const DescribedSurface& surface,
                                                std::int64_t count,
-                                               double radius,
+                                               const ShotBall& ball,
                                                const std::stop_token& stop) {
   ShapeDescriptors described;
   described.vertices = EvenlyByArea(surface.areas, count);
   ISOMATCH_ASSIGN_OR_RETURN(
       described.columns,
-      ShotDescriptors(surface, described.vertices, {radius}, stop));
+      ShotDescriptors(surface, described.vertices, ball, stop));
   described.column_of_vertex.assign(surface.mesh.num_vertices(), -1);
   for (std::size_t i = 0; i < described.vertices.size(); ++i) {
     described.column_of_vertex[described.vertices[i]] = static_cast<int>(i);
@@ -86,7 +86,7 @@ absl::StatusOr<VertexMap> MatchNearby(const ShapeDescriptors& x,
 absl::StatusOr<double> DescriptorMismatch(const ShapeDescriptors& x,
                                           const DescribedSurface& surface_y,
                                           const VertexMap& y_from_x,
-                                          double radius,
+                                          const ShotBall& ball,
                                           const std::stop_token& stop) {
   const std::size_t probes = std::min(kProbes, x.vertices.size());
   std::vector<Eigen::Index> columns;
@@ -97,7 +97,7 @@ absl::StatusOr<double> DescriptorMismatch(const ShapeDescriptors& x,
     images.push_back(y_from_x[x.vertices[column]]);
   }
   ISOMATCH_ASSIGN_OR_RETURN(const PointColumns found,
-                            ShotDescriptors(surface_y, images, {radius}, stop));
+                            ShotDescriptors(surface_y, images, ball, stop));
   double sum = 0;
   for (std::size_t i = 0; i < probes; ++i) {
     sum += (x.columns.col(columns[i]) - found.col(static_cast<int>(i)))

@@ -23,7 +23,7 @@ struct ShapeDescriptors {
 /// Describes up to `count` vertices, chosen evenly by area. As ShotDescriptors.
 absl::StatusOr<ShapeDescriptors> DescribeShape(const DescribedSurface& surface,
                                                std::int64_t count,
-                                               double radius,
+                                               const ShotBall& ball,
                                                const std::stop_token& stop);
 
 /// A surface with those of its vertices. References must outlive it.
@@ -53,11 +53,11 @@ absl::StatusOr<VertexMap> MatchNearby(const ShapeDescriptors& x,
 
 /// Mean squared difference between the descriptors of vertices of X and of
 /// their images, 0 to 2, over evenly chosen ones of those described. REQUIRES:
-/// `radius` is what x was described with.
+/// `ball` is what x was described with.
 absl::StatusOr<double> DescriptorMismatch(const ShapeDescriptors& x,
                                           const DescribedSurface& surface_y,
                                           const VertexMap& y_from_x,
-                                          double radius,
+                                          const ShotBall& ball,
                                           const std::stop_token& stop);
 
 }  // namespace isomatch

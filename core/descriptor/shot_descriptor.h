@@ -27,6 +27,9 @@ struct DescribedSurface {
 /// Entries of a descriptor.
 inline constexpr int kShotSize = 352;
 
+/// ShotBall::least_cosine that leaves out a limb's other side.
+inline constexpr double kFacing = 0.2;
+
 /// What of a surface describes a vertex.
 struct ShotBall {
   double radius = 0;  ///< mesh units

@@ -26,6 +26,9 @@ constexpr int kWaveletScales = 6;
 /// finds is averaged over neighborhoods.
 constexpr double kOffsetReach = 0.12;
 constexpr std::int64_t kOffsetEvery = 3;
+/// How far from its image a vertex of a part has its most alike one, at first,
+/// sqrt(area).
+constexpr double kAlikeReach = 0.03;
 /// Below these, factors of the rank value are rounding.
 constexpr double kPerfectRank = 1e-8;
 constexpr double kPerfectFit = 1e-4;
@@ -90,32 +93,47 @@ CandidateChoice::CandidateChoice(const PreparedMesh& x, const PreparedMesh& y,
       oriented_(x.solved().oriented && y.solved().oriented),
       options_(options),
       stop_(stop),
-      radius_(std::max(x.descriptor_radius, y.descriptor_radius)),
+      ball_{std::max(x.descriptor_radius, y.descriptor_radius),
+            is_part() ? kFacing : ShotBall().least_cosine},
       descriptors_{&x.descriptors, &y.descriptors},
       prepared_radii_{x.descriptor_radius, y.descriptor_radius} {
-  if (options.relation == Relation::kWhole) return;
-  rule_.emplace(x, y, stop);
+  if (is_part()) rule_.emplace(x, y, stop);
 }
 
 /// Describes anew, with the larger radius, the mesh that was prepared with a
-/// smaller one: the finer of the two.
+/// smaller one: the finer of the two. Of parts both, by what faces as the
+/// described vertex does.
 absl::Status CandidateChoice::DescribeAlike() {
   if (!described()) return absl::OkStatus();
   for (const Side side : {kX, kY}) {
-    if (prepared_radii_[side] == radius_) continue;
+    if (!is_part() && prepared_radii_[side] == ball_.radius) continue;
     ISOMATCH_ASSIGN_OR_RETURN(
         own_[side], DescribeShape(side == kX ? surface_x_ : surface_y_,
-                                  kDescribedVertices, radius_, stop_));
+                                  kDescribedVertices, ball_, stop_));
     descriptors_[side] = &own_[side];
   }
   return absl::OkStatus();
 }
 
+/// Moves the images of vertices that are described to the most alike ones
+/// around.
+absl::Status CandidateChoice::MoveToAlike(VertexMap* y_from_x) const {
+  if (!described()) return absl::OkStatus();
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const VertexMap alike,
+      MatchNearby(*descriptors_[kX], {*descriptors_[kY], surface_y_}, *y_from_x,
+                  {.reach = kAlikeReach}, stop_));
+  for (std::size_t x = 0; x < alike.size(); ++x) {
+    if (alike[x] != kNoVertex) (*y_from_x)[x] = alike[x];
+  }
+  return absl::OkStatus();
+}
+
 /// Looks for the most alike vertices near the images, then lets the wavelet
-/// filter find the smooth map behind those noisy matches. Parts, whose
-/// functions differ, stay as they are.
+/// filter find the smooth map behind those noisy matches. Of parts, whose
+/// functions differ, the alignment has to find it.
 absl::Status CandidateChoice::Filter(VertexMap* y_from_x) const {
-  if (options_.relation != Relation::kWhole) return absl::OkStatus();
+  if (is_part()) return MoveToAlike(y_from_x);
   const SpectralBasis& spectral_x = *spectral_[kX];
   const SpectralBasis& spectral_y = *spectral_[kY];
   const auto k = static_cast<int>(x_.functions.rows());
@@ -188,7 +206,7 @@ absl::Status CandidateChoice::Judge(const ElasticAlignment& alignment,
     ISOMATCH_ASSIGN_OR_RETURN(
         scores->descriptor_mismatch,
         DescriptorMismatch(*descriptors_[kX], surface_y_, alignment.y_from_x(),
-                           radius_, stop_));
+                           ball_, stop_));
     misfit *= scores->descriptor_mismatch;
   }
   if (!std::isfinite(misfit)) misfit = kNoFit;
@@ -240,7 +258,7 @@ absl::Status CandidateChoice::JudgeOverlap(const ElasticAlignment& alignment,
 AlignmentOptions CandidateChoice::HowAligned() const {
   AlignmentOptions options;
   options.basis = options_.alignment_basis;
-  options.carry_x = options_.relation != Relation::kWhole;
+  options.carry_x = is_part();
   if (!oriented_) options.normal_weight = 0;
   if (masks()) {
     // Eigenfunctions of parts differ.

@@ -69,6 +69,7 @@ class CandidateChoice {
 
  private:
   absl::Status DescribeAlike();
+  absl::Status MoveToAlike(VertexMap* y_from_x) const;
   absl::Status Filter(VertexMap* y_from_x) const;
   absl::Status RunRounds(int begin, int end,
                          const std::function<void(double)>& progress,
@@ -83,6 +84,7 @@ class CandidateChoice {
                      MapScores* scores) const;
   absl::Status JudgeOverlap(const ElasticAlignment& alignment,
                             MapScores* scores) const;
+  bool is_part() const { return options_.relation != Relation::kWhole; }
   bool masks() const { return options_.relation == Relation::kOverlap; }
   bool described() const { return oriented_ && options_.descriptor_radius > 0; }
 
@@ -95,8 +97,8 @@ class CandidateChoice {
   const bool oriented_;
   const MatchOptions& options_;
   const std::stop_token& stop_;
-  const double radius_;  ///< of the descriptors, sqrt(area)
-  /// Descriptors of both shapes with radius_: the prepared ones, or own_.
+  const ShotBall ball_;  ///< of the descriptors, sqrt(area)
+  /// Descriptors of both shapes with ball_: the prepared ones, or own_.
   std::array<const ShapeDescriptors*, 2> descriptors_;
   const std::array<double, 2> prepared_radii_;
   std::array<ShapeDescriptors, 2> own_;

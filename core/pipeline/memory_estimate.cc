@@ -149,8 +149,8 @@ double Threads(const MatchOptions& options) {
 }
 
 /// What FindPartStart takes beside pools and growing maps: distances, twice as
-/// nearness, descriptors of both radii, differences. Before that distance
-/// fields, of every vertex to the pool.
+/// nearness and once by size, descriptors of both radii, differences. Before
+/// that distance fields, of every vertex to the pool.
 struct PartStartBytes {
   double fields = 0;
   double search = 0;
@@ -169,7 +169,7 @@ PartStartBytes PartStartBytesOf(MeshSize x, MeshSize y,
     double pool = PoolSize(mesh, num_landmarks, options);
     if (is_part) pool = std::min(pool, kPartPoolSize + double(num_landmarks));
     bytes.fields += 4 * double(mesh.vertices) * pool + 4 * pool * pool;
-    bytes.search += 12 * pool * pool + kRadii * 4 * kShotSize * pool;
+    bytes.search += 20 * pool * pool + kRadii * 4 * kShotSize * pool;
     differences *= pool;
   }
   bytes.search += 12 * differences;
@@ -178,8 +178,7 @@ PartStartBytes PartStartBytesOf(MeshSize x, MeshSize y,
 
 /// A part is brought to the other's unit in a copy.
 double CopiedBytes(const FullBytes& full, const ShapeBytes& solved) {
-  return full.later + solved.working + solved.fields + solved.functions +
-         solved.descriptors;
+  return full.later + solved.working + solved.fields + solved.functions;
 }
 
 /// What CounterpartRule takes: distances to the rims, and between what is
@@ -220,12 +219,13 @@ std::int64_t EstimateAsTold(MeshSize x, MeshSize y, std::int64_t num_landmarks,
   const double search =
       threads * (kSearchPerThread +
                  kSearchPerRow * FirstStageMatches(num_landmarks, options));
-  // The finer of two unlike meshes is described anew.
+  const bool is_part = options.relation != Relation::kWhole;
+  // The finer of two unlike meshes is described anew, and parts are.
   const double described_anew =
-      std::abs(double(x.vertices - y.vertices)) > 0.1 * n
+      is_part ? both(&ShapeBytes::descriptors)
+      : std::abs(double(x.vertices - y.vertices)) > 0.1 * n
           ? std::max(bytes_x.descriptors, bytes_y.descriptors)
           : 0;
-  const bool is_part = options.relation != Relation::kWhole;
   const double copied = is_part ? CopiedBytes(full_x, bytes_x) : 0;
   const double late = fields + both(&ShapeBytes::functions) + copied;
   const PartStartBytes part_start =

@@ -29,9 +29,6 @@ constexpr double kLeastRadius = 0.08;
 constexpr double kLeastEdges = 3;
 constexpr double kUsualScale = 0.7;
 
-/// Cosine between normals up to which a ball counts (ShotBall).
-constexpr double kFacing = 0.2;
-
 /// Scales that are tried: from kLeastScale on, each kScaleStep times the one
 /// before. A part is no larger than the whole, but for what it is stretched.
 constexpr double kLeastScale = 0.25;

@@ -103,6 +103,11 @@ void Normalize(WorkingMesh* working) {
   positions /= std::sqrt(working->area);
 }
 
+double DescriptorRadius(const TriangleMesh& mesh, const MatchOptions& options) {
+  return std::max(options.descriptor_radius,
+                  kLeastEdgesInRadius * MeanEdgeLength(mesh));
+}
+
 }  // namespace
 
 absl::StatusOr<WorkingMesh> MakeWorkingMesh(CleanMesh clean,
@@ -274,13 +279,11 @@ absl::Status Describe(const MatchOptions& options, const std::stop_token& stop,
       options.descriptor_radius == 0) {
     return absl::OkStatus();
   }
-  prepared->descriptor_radius =
-      std::max(options.descriptor_radius,
-               kLeastEdgesInRadius * MeanEdgeLength(solved.mesh));
+  prepared->descriptor_radius = DescriptorRadius(solved.mesh, options);
   ISOMATCH_ASSIGN_OR_RETURN(
       prepared->descriptors,
       DescribeShape(SurfaceOf(*prepared), kDescribedVertices,
-                    prepared->descriptor_radius, stop));
+                    {prepared->descriptor_radius}, stop));
   return absl::OkStatus();
 }
 
@@ -296,7 +299,7 @@ void Reflect(PreparedMesh* prepared) {
 }
 
 absl::Status Rescale(double factor, const MatchOptions& options,
-                     const std::stop_token& stop, PreparedMesh* prepared) {
+                     PreparedMesh* prepared) {
   prepared->full.mesh.positions *= factor;
   if (prepared->coarse) prepared->coarse->working.mesh.positions *= factor;
   const BasisPoints& basis = prepared->hash.basis;
@@ -315,7 +318,12 @@ absl::Status Rescale(double factor, const MatchOptions& options,
         SmoothedMeanCurvature(prepared->laplacian, solved.mesh.positions,
                               solved.normals, options.curvature_radius));
   }
-  return Describe(options, stop, prepared);
+  if (prepared->descriptor_radius > 0) {
+    prepared->descriptor_radius =
+        DescriptorRadius(prepared->solved().mesh, options);
+  }
+  prepared->descriptors = {};
+  return absl::OkStatus();
 }
 
 absl::StatusOr<GeodesicHash> HashGeodesics(

@@ -111,10 +111,11 @@ absl::Status Describe(const MatchOptions& options, const std::stop_token& stop,
                       PreparedMesh* prepared);
 
 /// Multiplies all lengths of a shape by `factor`, so that two shapes have one
-/// unit: sqrt(area) of one of them. Smoothed curvature and descriptors, which
-/// speak of features of a size, are computed anew. Errors as PrepareMeshes.
+/// unit: sqrt(area) of one of them. Smoothed curvature, which speaks of
+/// features of a size, is computed anew; descriptors are dropped, whose radius
+/// is told: parts have others. Errors as PrepareMeshes.
 absl::Status Rescale(double factor, const MatchOptions& options,
-                     const std::stop_token& stop, PreparedMesh* prepared);
+                     PreparedMesh* prepared);
 
 /// Mirrors a shape in space: intrinsically it stays the same. Its faces are
 /// turned over, so that normals stay outward. Its descriptors change, and have

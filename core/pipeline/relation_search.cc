@@ -31,7 +31,7 @@ constexpr double kSurelyGrown = 0.55;
 constexpr int kMoreSeeds = 2;
 /// How much less confident maps may be that leave less out.
 constexpr double kWholeBonus = 0.04;
-constexpr double kPartBonus = 0.025;
+constexpr double kPartBonus = 0.015;
 /// Confidence by which a relation that is sure leads.
 constexpr double kSureLead = 0.1;
 

@@ -148,7 +148,7 @@ absl::StatusOr<Correspondence> MatchInOneUnit(const MatchInputs& inputs,
   PreparedMesh copy;
   PreparedMesh* own_x = inputs.own_x;
   if (own_x == nullptr) own_x = &(copy = inputs.x);
-  ISOMATCH_RETURN_IF_ERROR(Rescale(start.scale, inputs.options, stop, own_x));
+  ISOMATCH_RETURN_IF_ERROR(Rescale(start.scale, inputs.options, own_x));
   return RunMatch(
       {*own_x, own_x, inputs.y, inputs.landmarks, inputs.options, &start},
       reporter, stop);

@@ -10,6 +10,7 @@
 #include "client/sample/sample_animal.h"
 #include "core/evaluation/geodesic_error.h"
 #include "core/evaluation/overlap_iou.h"
+#include "core/mesh/mesh_geometry.h"
 #include "core/pipeline/matcher.h"
 #include "tests/support/dirty_meshes.h"
 #include "tests/support/matchers.h"
@@ -98,6 +99,28 @@ TEST_F(AnimalPartsTest, APartIsFoundOnTheWholeInAnotherUnit) {
   EXPECT_LT(ErrorOf(found->y_from_x, y_from_whole_), 0.03);
   EXPECT_GT(IouOf(a_.mesh, found->y_from_x, y_from_whole_), 0.9);
   EXPECT_NEAR(found->scale, 25.4, 1);
+}
+
+TEST_F(AnimalPartsTest, WhatIsSeenFromOneSideIsFoundOnTheWhole) {
+  const Eigen::RowVector3d side(0.2, -1, 0.4);
+  const Positions normals = VertexNormals(a_.mesh);
+  const DirtyMesh seen = WithoutLoneVertices(WithoutFaces(
+      Untouched(a_.mesh), [&](const TriangleMesh& mesh, VertexIndex f) {
+        return normals.row(mesh.faces(f, 0)).dot(side) < 0;
+      }));
+  ASSERT_LT(SurfaceArea(seen.mesh), 0.6 * SurfaceArea(a_.mesh));
+  const VertexMap b_from_a = SampleTruth(a_, b_);
+  VertexMap truth;
+  for (const VertexIndex v : seen.origin) truth.push_back(b_from_a[v]);
+  MatchOptions options;
+  options.relation = Relation::kPartOfY;
+  options.scale = LengthScale::kSame;
+  const auto found = Match(seen.mesh, b_.mesh, {}, options);
+  ASSERT_THAT(found, IsOk());
+  EXPECT_LT(GeodesicErrorMeter(b_.mesh)
+                .Measure(found->y_from_x, truth)
+                ->mean_over_diameter,
+            0.025);
 }
 
 TEST_F(AnimalPartsTest, WhatThePartsAreIsFoundOut) {

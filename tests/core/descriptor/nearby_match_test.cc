@@ -28,7 +28,7 @@ class NearbyMatchTest : public testing::Test {
   DescribedSurface surface() const { return {mesh_, normals_, areas_, stars_}; }
 
   ShapeDescriptors Describe(std::int64_t count) const {
-    return *DescribeShape(surface(), count, kRadius, {});
+    return *DescribeShape(surface(), count, {kRadius}, {});
   }
 
   /// Sends every vertex to one at random that is nearer than `reach`.
@@ -111,11 +111,11 @@ TEST_F(NearbyMatchTest, MatchesOnlyWhatIsDescribed) {
 TEST_F(NearbyMatchTest, TheMismatchOfARightMapIsNothing) {
   const ShapeDescriptors all = Describe(mesh_.num_vertices());
   const VertexMap identity = Scattered(1e-9);
-  EXPECT_LT(*DescriptorMismatch(all, surface(), identity, kRadius, {}), 1e-6);
+  EXPECT_LT(*DescriptorMismatch(all, surface(), identity, {kRadius}, {}), 1e-6);
   const double near =
-      *DescriptorMismatch(all, surface(), Scattered(0.1), kRadius, {});
+      *DescriptorMismatch(all, surface(), Scattered(0.1), {kRadius}, {});
   const double far =
-      *DescriptorMismatch(all, surface(), Scattered(10), kRadius, {});
+      *DescriptorMismatch(all, surface(), Scattered(10), {kRadius}, {});
   EXPECT_GT(near, 0.05);
   EXPECT_GT(far, near);
   EXPECT_LE(far, 2);
