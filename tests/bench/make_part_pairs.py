@@ -25,7 +25,6 @@ import random
 
 from off_pairs import listed_pairs, read_off, read_truth, submesh, write_off
 
-
 KINDS = ("views", "halves", "holed", "nested", "turned", "alike", "overlap")
 
 
