@@ -190,6 +190,11 @@ absl::Status MatchOptions::Validate() const {
   return InRange("threads", threads, 0, 1024);
 }
 
+bool MatchOptions::IsTriedAgain() const {
+  return relation == Relation::kOverlap ||
+         (relation != Relation::kWhole && scale == LengthScale::kAuto);
+}
+
 const char* RelationName(Relation relation) {
   switch (relation) {
     case Relation::kWhole:

@@ -63,6 +63,9 @@ struct MatchOptions {
   /// kAuto of whole shapes, kSame of overlaps. Where the relation is found out,
   /// an overlap is taken to be in one unit. Not in the paper.
   LengthScale scale = LengthScale::kAuto;
+  /// A part of unknown scale is taken to have not the likeliest scale but the
+  /// next one; FAILED_PRECONDITION where no other is likely.
+  bool next_scale = false;
   /// Same input, options and random seed give the same result.
   std::uint64_t random_seed = 1;
 
@@ -187,6 +190,10 @@ struct MatchOptions {
 
   /// INVALID_ARGUMENT naming field, value and allowed range.
   absl::Status Validate() const;
+
+  /// Whether what is not found for sure is looked for again: an overlap with
+  /// other random seeds, a part of unknown scale at the next likely one.
+  bool IsTriedAgain() const;
 };
 
 /// "whole", "part-of-y", "part-of-x" or "overlap".

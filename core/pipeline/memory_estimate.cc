@@ -188,11 +188,11 @@ double RuleBytes(double stencils, double n, const MatchOptions& options) {
   return stencils + kWorkspacePerVertex * n * Threads(options);
 }
 
-/// The two best overlaps yet, while another is found, on all vertices.
+/// The two best maps yet of what is looked for again, on all vertices.
 double FoundBytes(MeshSize x, MeshSize y, const MatchOptions& options) {
   constexpr double kPerX = 160;
   constexpr double kPerY = 2;
-  if (options.relation != Relation::kOverlap) return 0;
+  if (!options.IsTriedAgain()) return 0;
   return kPerX * static_cast<double>(x.vertices) +
          kPerY * static_cast<double>(y.vertices);
 }

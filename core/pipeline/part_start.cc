@@ -47,6 +47,10 @@ constexpr double kExactRatio = 1.004;
 /// worse than the best.
 constexpr double kFineStep = 1.1;
 constexpr int kPatience = 2;
+/// The next scale is farther than this from the best one, among those at which
+/// seeds have this part of the most support.
+constexpr double kOtherScale = 1.2;
+constexpr double kMuchSupport = 0.7;
 
 /// How many seeds are looked for, among how many points of X.
 struct Effort {
@@ -164,37 +168,31 @@ class StartSearch {
     return start;
   }
 
-  /// The scale at which a map grows best.
+  /// The scale at which a map grows best, or with MatchOptions::next_scale the
+  /// next one.
   absl::StatusOr<double> Scale() {
     ISOMATCH_ASSIGN_OR_RETURN(
         pool_y_,
         PointPool::Create(closeness_y_, of_y_.vertices, control_.stop));
     ISOMATCH_ASSIGN_OR_RETURN(const std::vector<double> scales, Scales());
-    double best = 1;
-    double least = std::numeric_limits<double>::infinity();
-    const auto is_better = [&](double scale) -> absl::StatusOr<bool> {
-      ISOMATCH_ASSIGN_OR_RETURN(const double badness, BadnessAt(scale));
-      if (badness >= least) return false;
-      least = badness;
-      best = scale;
-      return true;
-    };
     for (std::size_t i = 0; i < scales.size(); ++i) {
-      ISOMATCH_RETURN_IF_ERROR(is_better(scales[i]).status());
+      ISOMATCH_RETURN_IF_ERROR(GrowAt(scales[i]));
       control_.progress(0.5 + 0.3 * double(i + 1) / double(scales.size()));
     }
-    const double middle = best;
+    if (!std::isfinite(Best().badness)) return 1.0;
+    const double middle = Best().scale;
     for (const double step : {kFineStep, 1 / kFineStep}) {
       double scale = middle;
       for (int worse = 0; worse < kPatience;) {
         scale *= step;
         if (scale < kLeastScale || scale > kMostScale) break;
-        ISOMATCH_ASSIGN_OR_RETURN(const bool better, is_better(scale));
-        worse = better ? 0 : worse + 1;
+        const double least = Best().badness;
+        ISOMATCH_RETURN_IF_ERROR(GrowAt(scale));
+        worse = Best().badness < least ? 0 : worse + 1;
       }
     }
     control_.progress(0.9);
-    return best;
+    return options_.next_scale ? NextScale() : Best().scale;
   }
 
   PartStart Result(Start start) && {
@@ -226,20 +224,72 @@ class StartSearch {
     double ratio;
   };
 
+  /// How bad a map is that was grown at a scale.
+  struct Grown {
+    double scale;
+    double badness;
+  };
+
+  absl::Status GrowAt(double scale) {
+    ISOMATCH_ASSIGN_OR_RETURN(const double badness, BadnessAt(scale));
+    grown_.push_back({scale, badness});
+    return absl::OkStatus();
+  }
+
+  const Grown& Best() const {
+    return *std::min_element(grown_.begin(), grown_.end(), IsBetter);
+  }
+
+  static bool IsBetter(const Grown& a, const Grown& b) {
+    return a.badness < b.badness;
+  }
+
+  /// The best scale that is better than those around it and none of the best
+  /// one's neighbors.
+  absl::StatusOr<double> NextScale() {
+    const double best = Best().scale;
+    const double most =
+        std::max_element(tried_.begin(), tried_.end(), HasLess)->support;
+    for (const Tried& tried : tried_) {
+      if (tried.support < kMuchSupport * most) continue;
+      ISOMATCH_RETURN_IF_ERROR(GrowAt(tried.scale));
+    }
+    std::sort(grown_.begin(), grown_.end(),
+              [](const Grown& a, const Grown& b) { return a.scale < b.scale; });
+    std::vector<Grown> others;
+    for (std::size_t i = 0; i < grown_.size(); ++i) {
+      const bool is_least =
+          (i == 0 || !IsBetter(grown_[i - 1], grown_[i])) &&
+          (i + 1 == grown_.size() || !IsBetter(grown_[i + 1], grown_[i]));
+      if (is_least && std::isfinite(grown_[i].badness) &&
+          Apart(grown_[i].scale, best) > std::log(kOtherScale)) {
+        others.push_back(grown_[i]);
+      }
+    }
+    if (others.empty()) {
+      return absl::FailedPreconditionError("no other scale is likely");
+    }
+    return std::min_element(others.begin(), others.end(), IsBetter)->scale;
+  }
+
   absl::StatusOr<Tried> Try(double scale) const {
     ISOMATCH_ASSIGN_OR_RETURN(const Start start, At(scale, kToScan));
     return Tried{scale, start.found.support, start.found.ratio};
   }
 
+  static bool HasLess(const Tried& a, const Tried& b) {
+    return a.support < b.support;
+  }
+
   /// Those at which seeds have the most support, best first, and two beside.
-  absl::StatusOr<std::vector<double>> Scales() const {
-    std::vector<Tried> all;
+  absl::StatusOr<std::vector<double>> Scales() {
     const double steps =
         std::log(kMostScale / kLeastScale) / std::log(kScaleStep);
     for (double scale = kLeastScale; scale < kMostScale; scale *= kScaleStep) {
       ISOMATCH_ASSIGN_OR_RETURN(const Tried tried, Try(scale));
-      all.push_back(tried);
-      control_.progress(0.1 + 0.4 * std::min(1.0, double(all.size()) / steps));
+      tried_.push_back(tried);
+      control_.progress(0.1 +
+                        0.4 * std::min(1.0, double(tried_.size()) / steps));
     }
     std::vector<double> scales;
     const auto add = [&](double scale) {
@@ -249,7 +299,7 @@ class StartSearch {
         scales.push_back(scale);
       }
     };
-    for (const Tried& peak : Peaks(all)) {
+    for (const Tried& peak : Peaks(tried_)) {
       ISOMATCH_ASSIGN_OR_RETURN(const double exact, Corrected(peak));
       add(exact);
     }
@@ -269,7 +319,7 @@ class StartSearch {
     }
     std::stable_sort(
         peaks.begin(), peaks.end(),
-        [](const Tried& a, const Tried& b) { return a.support > b.support; });
+        [](const Tried& a, const Tried& b) { return HasLess(b, a); });
     if (peaks.size() > kPeaks) peaks.resize(kPeaks);
     return peaks;
   }
@@ -332,6 +382,8 @@ class StartSearch {
   Measured of_y_;
   std::array<double, 2> radii_ = {};  ///< sqrt(area of Y)
   PointDescriptors described_y_;
+  std::vector<Tried> tried_;  ///< by scale, in steps of kScaleStep
+  std::vector<Grown> grown_;
 };
 
 }  // namespace

@@ -26,7 +26,8 @@ constexpr double kLargerPart = 1.25;
 constexpr double kSurelyWhole = 0.72;
 constexpr double kAllCovered = 0.97;
 constexpr double kEqualArea = 1.2;
-/// An overlap that is less confident is looked for so many times more.
+/// What is less confident is looked for again: an overlap so many times with
+/// other random seeds, a part of unknown scale once, at the next scale.
 constexpr double kSurelyGrown = 0.55;
 constexpr int kMoreSeeds = 2;
 /// How much less confident maps may be that leave less out.
@@ -85,6 +86,11 @@ MatchOptions OptionsAs(Relation relation, const MatchOptions& options) {
   return chosen;
 }
 
+int MoreTries(const MatchOptions& options) {
+  if (!options.IsTriedAgain()) return 0;
+  return options.relation == Relation::kOverlap ? kMoreSeeds : 1;
+}
+
 /// Makes one series of the reports of several matches: the preparation is
 /// reported once, and each match has an equal share of the rest.
 class JoinedTries {
@@ -135,7 +141,7 @@ bool IsSurelyWhole(const Correspondence& found) {
          found.quality.coverage >= kAllCovered;
 }
 
-/// Whether another random seed may find a better overlap.
+/// Whether another try may find a better map.
 bool IsWorthMore(const absl::StatusOr<Correspondence>& found) {
   return found.ok() ? found->quality.mean_confidence < kSurelyGrown
                     : absl::IsFailedPrecondition(found.status());
@@ -195,9 +201,15 @@ class RelationSearch {
   absl::StatusOr<Correspondence> BestOf(Relation relation) {
     MatchOptions options = OptionsAs(relation, options_);
     absl::StatusOr<Correspondence> best = match_(options, joined_.OfNext());
-    if (relation != Relation::kOverlap) return best;
-    for (int i = 0; i < kMoreSeeds && IsWorthMore(best); ++i) {
-      ++options.random_seed;
+    // A part without a map has none at another scale.
+    const bool may_be_better = best.ok() || relation == Relation::kOverlap;
+    const int more = may_be_better ? MoreTries(options) : 0;
+    for (int i = 0; i < more && IsWorthMore(best); ++i) {
+      if (relation == Relation::kOverlap) {
+        ++options.random_seed;
+      } else {
+        options.next_scale = true;
+      }
       absl::StatusOr<Correspondence> other = match_(options, joined_.OfNext());
       if (absl::IsFailedPrecondition(other.status())) continue;
       if (!other.ok() || !best.ok() ||
@@ -256,7 +268,7 @@ int MostTries(const ShapeOutline& x, const ShapeOutline& y,
   int tries = 0;
   for (const auto* relations : {&order.likely, &order.unlikely}) {
     for (const Relation relation : *relations) {
-      tries += relation == Relation::kOverlap ? 1 + kMoreSeeds : 1;
+      tries += 1 + MoreTries(OptionsAs(relation, options));
     }
   }
   return tries;

@@ -295,10 +295,9 @@ absl::StatusOr<Correspondence> MatchPreparedHere(
   const Request request = {landmarks, options, control};
   absl::StatusOr<Correspondence> result = absl::InternalError("not run");
   RunWithThreads(options.threads, [&] {
-    result = options.relation == Relation::kAuto ||
-                     options.relation == Relation::kOverlap
-                 ? MatchAsItSeems(x, y, request)
-                 : MatchAsTold(x, y, request);
+    result = options.relation == Relation::kWhole
+                 ? MatchAsTold(x, y, request)
+                 : MatchAsItSeems(x, y, request);
   });
   return result;
 }

@@ -82,6 +82,30 @@ TEST_F(PartOfYTest, TheScaleIsFoundToo) {
   EXPECT_NEAR(found->scale * kPartScale, 1, 0.04);
 }
 
+TEST_F(PartOfYTest, TheNextScaleIsAnother) {
+  // Where it is large and where it is small.
+  const TriangleMesh both =
+      Joined(Untouched(whole_), Untouched(Moved(whole_, 0.6)),
+             whole_.num_vertices())
+          .mesh;
+  const auto likeliest = Match(part_.mesh, both, {}, options_);
+  ASSERT_THAT(likeliest, IsOk());
+  options_.next_scale = true;
+  const auto next = Match(part_.mesh, both, {}, options_);
+  ASSERT_THAT(next, IsOk());
+  const double smaller = std::min(likeliest->scale, next->scale);
+  const double larger = std::max(likeliest->scale, next->scale);
+  EXPECT_NEAR(larger * kPartScale, 1, 0.05);
+  EXPECT_NEAR(smaller * kPartScale, 0.6, 0.03);
+}
+
+TEST_F(PartOfYTest, ThereMayBeNoOtherScale) {
+  options_.next_scale = true;
+  const auto found = Match(part_.mesh, whole_, {}, options_);
+  EXPECT_EQ(found.status().code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_THAT(found.status().message(), HasSubstr("no other scale"));
+}
+
 TEST_F(PartOfYTest, InTheWrongUnitItIsNotFound) {
   options_.scale = LengthScale::kSame;
   const auto found = Match(part_.mesh, whole_, {}, options_);

@@ -35,6 +35,7 @@ class RelationSearchTest : public testing::Test {
                                       const ShapeOutline& y) {
     tried_.clear();
     seeds_.clear();
+    next_scales_.clear();
     MatchOptions options;
     options.relation = relation_;
     options.scale = scale_;
@@ -52,10 +53,13 @@ class RelationSearchTest : public testing::Test {
   std::uint64_t only_seed_ = 0;
   double confidence_of_it_ = 0;
   std::map<Relation, double> confidence_;
+  double better_at_next_scale_ = 0;
+  bool no_next_scale_ = false;
   double coverage_ = 1;
   std::vector<Relation> tried_;
   std::vector<LengthScale> scales_;
   std::vector<std::uint64_t> seeds_;
+  std::vector<bool> next_scales_;
   std::vector<Progress> reports_;
 
  private:
@@ -64,6 +68,7 @@ class RelationSearchTest : public testing::Test {
     tried_.push_back(options.relation);
     scales_.push_back(options.scale);
     seeds_.push_back(options.random_seed);
+    next_scales_.push_back(options.next_scale);
     for (const auto& [stage, total] :
          {std::pair(Stage::kPrepare, 0.0), std::pair(Stage::kSpectral, 0.3),
           std::pair(Stage::kSeeds, 0.5), std::pair(Stage::kQuality, 0.9)}) {
@@ -73,13 +78,15 @@ class RelationSearchTest : public testing::Test {
       confidence_[options.relation] = confidence_of_it_;
     }
     const auto found = confidence_.find(options.relation);
-    if (found == confidence_.end()) {
+    if (found == confidence_.end() || (options.next_scale && no_next_scale_)) {
       return absl::FailedPreconditionError(RelationName(options.relation));
     }
     Correspondence map;
     map.relation = options.relation;
     map.quality.mean_confidence = found->second;
     if (options.random_seed == better_seed_) map.quality.mean_confidence += 0.1;
+    if (options.next_scale)
+      map.quality.mean_confidence += better_at_next_scale_;
     map.quality.coverage = coverage_;
     map.verdict = VerdictOf(map);
     return map;
@@ -195,6 +202,33 @@ TEST_F(RelationSearchTest, AnOverlapThatIsNotConfidentIsLookedForAgain) {
   better_seed_ = 2;
   EXPECT_NEAR(Find(kOpen, kOpen)->quality.mean_confidence, 0.6, 1e-9);
   EXPECT_THAT(seeds_, ElementsAre(1, 2));
+}
+
+TEST_F(RelationSearchTest, APartOfUnknownScaleIsTriedAtTheNextOne) {
+  scale_ = LengthScale::kAuto;
+  for (const Relation part : {Relation::kPartOfY, Relation::kPartOfX}) {
+    relation_ = part;
+    confidence_ = {{part, 0.5}};
+    better_at_next_scale_ = 0.1;
+    EXPECT_NEAR(Find(kOpen, kOpen)->quality.mean_confidence, 0.6, 1e-9);
+    EXPECT_THAT(next_scales_, ElementsAre(false, true));
+    EXPECT_THAT(seeds_, ElementsAre(1, 1));
+    better_at_next_scale_ = -0.1;
+    EXPECT_NEAR(Find(kOpen, kOpen)->quality.mean_confidence, 0.5, 1e-9);
+    // There may be no other one.
+    no_next_scale_ = true;
+    EXPECT_NEAR(Find(kOpen, kOpen)->quality.mean_confidence, 0.5, 1e-9);
+    EXPECT_THAT(next_scales_, ElementsAre(false, true));
+    no_next_scale_ = false;
+    confidence_ = {{part, 0.6}};
+    ASSERT_THAT(Find(kOpen, kOpen), IsOk());
+    EXPECT_THAT(next_scales_, ElementsAre(false));
+    scale_ = LengthScale::kSame;
+    confidence_ = {{part, 0.5}};
+    ASSERT_THAT(Find(kOpen, kOpen), IsOk());
+    EXPECT_THAT(next_scales_, ElementsAre(false));
+    scale_ = LengthScale::kAuto;
+  }
 }
 
 TEST_F(RelationSearchTest, WhereAllFailTheFirstErrorIsTold) {
