@@ -192,7 +192,8 @@ absl::Status MatchOptions::Validate() const {
 
 bool MatchOptions::IsTriedAgain() const {
   return relation == Relation::kOverlap ||
-         (relation != Relation::kWhole && scale == LengthScale::kAuto);
+         (relation != Relation::kWhole && scale == LengthScale::kAuto &&
+          !next_scale);
 }
 
 const char* RelationName(Relation relation) {

@@ -179,7 +179,10 @@ class StartSearch {
       ISOMATCH_RETURN_IF_ERROR(GrowAt(scales[i]));
       control_.progress(0.5 + 0.3 * double(i + 1) / double(scales.size()));
     }
-    if (!std::isfinite(Best().badness)) return 1.0;
+    if (!std::isfinite(Best().badness)) {
+      if (options_.next_scale) return NoOtherScale();
+      return 1.0;
+    }
     const double middle = Best().scale;
     for (const double step : {kFineStep, 1 / kFineStep}) {
       double scale = middle;
@@ -244,8 +247,12 @@ class StartSearch {
     return a.badness < b.badness;
   }
 
-  /// The best scale that is better than those around it and none of the best
-  /// one's neighbors.
+  static absl::Status NoOtherScale() {
+    return absl::FailedPreconditionError("no other scale is likely");
+  }
+
+  /// The best scale that is better than the nearest that were grown at, and
+  /// none of the best one's neighbors.
   absl::StatusOr<double> NextScale() {
     const double best = Best().scale;
     const double most =
@@ -266,9 +273,7 @@ class StartSearch {
         others.push_back(grown_[i]);
       }
     }
-    if (others.empty()) {
-      return absl::FailedPreconditionError("no other scale is likely");
-    }
+    if (others.empty()) return NoOtherScale();
     return std::min_element(others.begin(), others.end(), IsBetter)->scale;
   }
 

@@ -46,9 +46,11 @@ struct SearchControl {
 
 /// Finds where to begin, and with LengthScale::kAuto the scale: seeds have the
 /// most support at the right one, and of the scales where they have much, a map
-/// that grows from them is best there. `x` and `y` are each of area 1.
+/// that grows from them is best there, or with MatchOptions::next_scale next
+/// best. `x` and `y` are each of area 1.
 ///
-/// Not in the paper. Deterministic at any thread count. Errors as RunMatch.
+/// Not in the paper. Deterministic at any thread count. Errors as RunMatch, and
+/// FAILED_PRECONDITION where there is no next scale.
 absl::StatusOr<PartStart> FindPartStart(const PreparedMesh& x,
                                         const PreparedMesh& y,
                                         absl::Span<const Landmark> landmarks,

@@ -85,8 +85,9 @@ class RelationSearchTest : public testing::Test {
     map.relation = options.relation;
     map.quality.mean_confidence = found->second;
     if (options.random_seed == better_seed_) map.quality.mean_confidence += 0.1;
-    if (options.next_scale)
+    if (options.next_scale) {
       map.quality.mean_confidence += better_at_next_scale_;
+    }
     map.quality.coverage = coverage_;
     map.verdict = VerdictOf(map);
     return map;
