@@ -13,6 +13,7 @@
 #include "core/pipeline/part_start.h"
 #include "core/pipeline/prepared_mesh.h"
 #include "core/pipeline/stage_plan.h"
+#include "core/spectral/filtered_subspace.h"
 #include "core/spectral/spectral_basis.h"
 
 namespace isomatch {
@@ -35,7 +36,7 @@ struct ShapeBytes {
   double working;        ///< clean mesh, normals, maps: kept to the end
   double stencils;       ///< and tables, while distance fields are computed
   double fields;         ///< kept to the end
-  double lanczos;        ///< while eigenpairs are computed, both sides at once
+  double eigenpairs;     ///< while eigenpairs are computed, both sides at once
   double functions;      ///< eigenfunctions, kept to the end
   double pool;           ///< closeness table and frames of the first stage
   double dense_columns;  ///< closeness of every vertex to the sparse matches
@@ -58,10 +59,16 @@ double PoolSize(MeshSize mesh, std::int64_t num_landmarks,
   return std::min(n, options.pool_size + double(num_landmarks));
 }
 
-double LanczosBytes(double n, double m, double count) {
+double EigenpairBytes(double n, double m, double count) {
   // Krylov vectors, and those of them that a restart keeps, rotated.
   const double subspace = LanczosSubspace(static_cast<int>(count));
-  const double vectors = 8 * n * (subspace + 0.5 * (subspace + count));
+  const double krylov = 8 * n * (subspace + 0.5 * (subspace + count));
+  // Or three blocks in single precision, the pairs, and matrices of a block.
+  constexpr double kSmall = 9;
+  const auto size = static_cast<double>(SubspaceSize(static_cast<int>(count)));
+  const double blocks =
+      12 * n * size + 8 * n * count + kSmall * 8 * size * size;
+  const double vectors = std::max(krylov, blocks);
   // Triplets, stiffness in three forms, the factor: nested growth of about
   // 3 log2(n) entries a row on surfaces.
   const double matrices =
@@ -83,7 +90,7 @@ ShapeBytes BytesOf(MeshSize mesh, std::int64_t num_landmarks,
   bytes.working = 280 * n + 150 * m;
   bytes.stencils = (n <= FieldSweeps::kMostVertices ? 720 : 420) * n + 450 * m;
   bytes.fields = 4 * n * basis;
-  bytes.lanczos = count > 0 ? LanczosBytes(n, m, count) : 0;
+  bytes.eigenpairs = count > 0 ? EigenpairBytes(n, m, count) : 0;
   bytes.functions = 8 * n * count;
   bytes.pool =
       (tabulated ? 4 * pool * (pool + PointPool::kNearest) : 0) + 120 * pool;
@@ -239,7 +246,7 @@ std::int64_t EstimateAsTold(MeshSize x, MeshSize y, std::int64_t num_landmarks,
       // Geodesics; Spectral; Seeds and FirstInsertion; Dense; ZoomOut;
       // Choice and Alignment.
       fields + both(&ShapeBytes::stencils) + kWorkspacePerVertex * n * threads,
-      fields + both(&ShapeBytes::lanczos),
+      fields + both(&ShapeBytes::eigenpairs),
       late + both(&ShapeBytes::pool) + environments +
           MatchingBytes(x, y, num_landmarks, options, threads) +
           part_start.search + kBallPerVertex * n * threads * double(is_part),

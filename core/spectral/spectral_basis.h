@@ -29,10 +29,10 @@ int LanczosSubspace(int count);
 bool IsSolvedDensely(double n, int count);
 
 /// Returns the `count` lowest pairs, or all n when there are fewer, of
-/// L phi = lambda M phi: shift-invert Lanczos (Spectra) on M^-1/2 L M^-1/2,
-/// the factorization by Eigen's sparse Cholesky; small meshes are solved
-/// densely. Residuals are at most 1e-10 of the inverse's eigenvalues; 1e-4 on
-/// meshes whose eigenvalues accumulate somewhere.
+/// L phi = lambda M phi: of M^-1/2 L M^-1/2, by FilteredSubspace, with its
+/// residuals, or where that fails, as where eigenvalues accumulate, by
+/// shift-invert Lanczos (Spectra) with residuals of 1e-10 of the inverse's
+/// eigenvalues, or 1e-4 after 20 restarts; small meshes are solved densely.
 ///
 /// INTERNAL with the numbers when the factorization or Lanczos fails.
 /// CANCELLED soon after `stop`. Memory O(n count), mostly 8 n (3 count).
