@@ -184,16 +184,8 @@ class StartSearch {
       return 1.0;
     }
     const double middle = Best().scale;
-    for (const double step : {kFineStep, 1 / kFineStep}) {
-      double scale = middle;
-      for (int worse = 0; worse < kPatience;) {
-        scale *= step;
-        if (scale < kLeastScale || scale > kMostScale) break;
-        const double least = Best().badness;
-        ISOMATCH_RETURN_IF_ERROR(GrowAt(scale));
-        worse = Best().badness < least ? 0 : worse + 1;
-      }
-    }
+    ISOMATCH_RETURN_IF_ERROR(GrowInSteps(middle, kFineStep));
+    ISOMATCH_RETURN_IF_ERROR(GrowInSteps(middle, 1 / kFineStep));
     control_.progress(0.9);
     return options_.next_scale ? NextScale() : Best().scale;
   }
@@ -236,6 +228,18 @@ class StartSearch {
   absl::Status GrowAt(double scale) {
     ISOMATCH_ASSIGN_OR_RETURN(const double badness, BadnessAt(scale));
     grown_.push_back({scale, badness});
+    return absl::OkStatus();
+  }
+
+  /// Until so many in a row are worse than the best.
+  absl::Status GrowInSteps(double scale, double step) {
+    for (int worse = 0; worse < kPatience;) {
+      scale *= step;
+      if (scale < kLeastScale || scale > kMostScale) break;
+      const double least = Best().badness;
+      ISOMATCH_RETURN_IF_ERROR(GrowAt(scale));
+      worse = Best().badness < least ? 0 : worse + 1;
+    }
     return absl::OkStatus();
   }
 

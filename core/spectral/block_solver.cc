@@ -15,7 +15,7 @@ using Entry = Eigen::SparseMatrix<double>::InnerIterator;
 using Lanes = Eigen::Array<float, kPanel, 1>;
 
 /// x_i = (x_i - sum over row i) / diagonal.
-void SolveRow(const SparseRows<float>& factor, float inverse, Eigen::Index i,
+void SolveRow(const SparseRows& factor, float inverse, Eigen::Index i,
               Eigen::Index stride, float* panel) {
   Eigen::Map<Lanes> own(panel + i * stride);
   Lanes sum = own;
@@ -26,21 +26,18 @@ void SolveRow(const SparseRows<float>& factor, float inverse, Eigen::Index i,
   own = sum * inverse;
 }
 
-/// Appends column i, with or without its diagonal, as a row.
-template <typename Number>
+/// Appends column i, but for its diagonal, as a row.
 void AddRow(const Eigen::SparseMatrix<double>& by_column, Eigen::Index i,
-            bool with_diagonal, SparseRows<Number>* rows) {
+            SparseRows* rows) {
   for (Entry entry(by_column, i); entry; ++entry) {
-    if (!with_diagonal && entry.row() == i) continue;
+    if (entry.row() == i) continue;
     rows->columns.push_back(static_cast<int>(entry.row()));
-    rows->values.push_back(static_cast<Number>(entry.value()));
+    rows->values.push_back(static_cast<float>(entry.value()));
   }
   rows->starts.push_back(std::ssize(rows->columns));
 }
 
-template <typename Number>
-void Reserve(Eigen::Index rows, Eigen::Index entries,
-             SparseRows<Number>* matrix) {
+void Reserve(Eigen::Index rows, Eigen::Index entries, SparseRows* matrix) {
   matrix->starts.reserve(rows + 1);
   matrix->starts = {0};
   matrix->columns.reserve(entries);
@@ -62,12 +59,8 @@ absl::StatusOr<BlockSolver> BlockSolver::Create(
   BlockSolver solver;
   solver.row_of_vertex_ = cholesky.permutationP().indices();
   solver.StoreFactor(cholesky.matrixL().nestedExpression());
-  const Eigen::SparseMatrix<double> permuted =
+  solver.matrix_ =
       cholesky.permutationP() * matrix * cholesky.permutationPinv();
-  Reserve(matrix.rows(), permuted.nonZeros(), &solver.matrix_);
-  for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
-    AddRow(permuted, i, true, &solver.matrix_);
-  }
   return solver;
 }
 
@@ -78,10 +71,10 @@ void BlockSolver::StoreFactor(const Eigen::SparseMatrix<double>& factor) {
   Reserve(n, factor.nonZeros() - n, &lower_);
   for (Eigen::Index i = 0; i < n; ++i) {
     inverse_diagonal_.push_back(static_cast<float>(1 / factor.coeff(i, i)));
-    AddRow(factor, i, false, &upper_);
+    AddRow(factor, i, &upper_);
   }
   const Eigen::SparseMatrix<double> transposed = factor.transpose();
-  for (Eigen::Index i = 0; i < n; ++i) AddRow(transposed, i, false, &lower_);
+  for (Eigen::Index i = 0; i < n; ++i) AddRow(transposed, i, &lower_);
 }
 
 absl::Status BlockSolver::Solve(const std::stop_token& stop,

@@ -21,11 +21,10 @@ using VectorBlock =
 inline constexpr int kPanel = 32;
 
 /// Entries of a sparse matrix in rows.
-template <typename Number>
 struct SparseRows {
   std::vector<Eigen::Index> starts;  ///< of each row, and the end
   std::vector<int> columns;
-  std::vector<Number> values;
+  std::vector<float> values;
 };
 
 /// A sparse matrix, symmetric and positive definite once it is shifted, that is
@@ -42,8 +41,8 @@ class BlockSolver {
 
   Eigen::Index size() const { return std::ssize(inverse_diagonal_); }
   const Eigen::VectorXi& row_of_vertex() const { return row_of_vertex_; }
-  /// The matrix without shift.
-  const SparseRows<double>& matrix() const { return matrix_; }
+  /// The matrix without shift: its columns are its rows.
+  const Eigen::SparseMatrix<double>& matrix() const { return matrix_; }
 
   /// Replaces x by (matrix + shift I)^-1 x, in single precision. CANCELLED
   /// after `stop`. Time O(entries of the factor, columns of x).
@@ -53,10 +52,10 @@ class BlockSolver {
   void StoreFactor(const Eigen::SparseMatrix<double>& factor);
 
   Eigen::VectorXi row_of_vertex_;
-  SparseRows<double> matrix_;
+  Eigen::SparseMatrix<double> matrix_;
   /// The factor without its diagonal, and its transpose.
-  SparseRows<float> lower_;
-  SparseRows<float> upper_;
+  SparseRows lower_;
+  SparseRows upper_;
   std::vector<float> inverse_diagonal_;
 };
 

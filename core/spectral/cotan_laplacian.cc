@@ -82,4 +82,10 @@ CotanLaplacian BuildCotanLaplacian(const TriangleMesh& mesh) {
   return result;
 }
 
+Eigen::SparseMatrix<double> NormalizedStiffness(
+    const CotanLaplacian& laplacian) {
+  const Eigen::VectorXd scale = laplacian.mass.cwiseSqrt().cwiseInverse();
+  return scale.asDiagonal() * laplacian.stiffness * scale.asDiagonal();
+}
+
 }  // namespace isomatch

@@ -27,4 +27,8 @@ struct CotanLaplacian {
 /// REQUIRES: a clean mesh. Time and memory O(n).
 CotanLaplacian BuildCotanLaplacian(const TriangleMesh& mesh);
 
+/// M^-1/2 L M^-1/2, L the stiffness and M the mass.
+Eigen::SparseMatrix<double> NormalizedStiffness(
+    const CotanLaplacian& laplacian);
+
 }  // namespace isomatch

@@ -86,8 +86,7 @@ struct Products {
     if (pairs.info() != Eigen::Success || !pairs.eigenvalues().allFinite()) {
       return dependent;
     }
-    Eigen::MatrixXd turn = pairs.eigenvectors();
-    cholesky.matrixU().solveInPlace(turn);
+    const Eigen::MatrixXd turn = cholesky.matrixU().solve(pairs.eigenvectors());
     return Ritz{pairs.eigenvalues(), unit.asDiagonal() * turn};
   }
 
@@ -240,18 +239,17 @@ class Subspace {
   /// Rows of matrix x.
   Rows<double> Image(Eigen::Index first, Eigen::Index n) const {
     using Sums = Eigen::Array<double, kPanel, 1>;
-    const SparseRows<double>& matrix = solver_.matrix();
+    using MatrixEntry = Eigen::SparseMatrix<double>::InnerIterator;
     Rows<double> image(n, x_.cols());
     for (Eigen::Index i = 0; i < n; ++i) {
       for (Eigen::Index c = 0; c < x_.cols(); c += kPanel) {
         Sums sum = Sums::Zero();
-        for (Eigen::Index k = matrix.starts[first + i];
-             k < matrix.starts[first + i + 1]; ++k) {
-          sum += matrix.values[k] * x_.row(matrix.columns[k])
-                                        .segment<kPanel>(c)
-                                        .transpose()
-                                        .array()
-                                        .cast<double>();
+        for (MatrixEntry entry(solver_.matrix(), first + i); entry; ++entry) {
+          sum += entry.value() * x_.row(entry.row())
+                                     .segment<kPanel>(c)
+                                     .transpose()
+                                     .array()
+                                     .cast<double>();
         }
         image.row(i).segment<kPanel>(c) = sum;
       }

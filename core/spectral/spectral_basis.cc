@@ -33,12 +33,6 @@ constexpr int kMaxRestarts = 20;
 /// little do, and what lies closer than this need not be told apart.
 constexpr double kCoarseTolerance = 1e-4;
 
-/// M^-1/2 L M^-1/2.
-Eigen::SparseMatrix<double> Normalized(const CotanLaplacian& laplacian) {
-  const Eigen::VectorXd scale = laplacian.mass.cwiseSqrt().cwiseInverse();
-  return scale.asDiagonal() * laplacian.stiffness * scale.asDiagonal();
-}
-
 /// y = (A + shift I)^-1 x for Spectra. Spectra cannot be interrupted, so a
 /// stop throws out of its loop; the exception does not leave this file.
 class ShiftedInverse {
@@ -166,7 +160,7 @@ bool IsSolvedDensely(double n, int count) {
 absl::StatusOr<SpectralBasis> ComputeSpectralBasis(
     const CotanLaplacian& laplacian, int count, const std::stop_token& stop) {
   ISOMATCH_RETURN_IF_ERROR(CheckNotCancelled(stop));
-  const Eigen::SparseMatrix<double> matrix = Normalized(laplacian);
+  const Eigen::SparseMatrix<double> matrix = NormalizedStiffness(laplacian);
   const Eigen::Index n = matrix.rows();
   const int wanted = static_cast<int>(std::min<Eigen::Index>(count, n));
   SpectralBasis basis;

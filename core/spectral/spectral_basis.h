@@ -35,7 +35,8 @@ bool IsSolvedDensely(double n, int count);
 /// eigenvalues, or 1e-4 after 20 restarts; small meshes are solved densely.
 ///
 /// INTERNAL with the numbers when the factorization or Lanczos fails.
-/// CANCELLED soon after `stop`. Memory O(n count), mostly 8 n (3 count).
+/// CANCELLED soon after `stop`. Memory O(n count), mostly 24 n count bytes
+/// (blocks, pairs), 28 n count with Lanczos.
 absl::StatusOr<SpectralBasis> ComputeSpectralBasis(
     const CotanLaplacian& laplacian, int count, const std::stop_token& stop);
 

@@ -44,15 +44,10 @@ TEST(BlockSolverTest, KeepsTheMatrixInTheOrderOfElimination) {
       BuildCotanLaplacian(FiveArms(2)).stiffness;
   const auto solver = BlockSolver::Create(matrix, kShift);
   ASSERT_THAT(solver, IsOk());
-  const SparseRows<double>& rows = solver->matrix();
-  ASSERT_EQ(std::ssize(rows.values), matrix.nonZeros());
+  ASSERT_EQ(solver->matrix().nonZeros(), matrix.nonZeros());
   const Eigen::VectorXi& row = solver->row_of_vertex();
   for (Eigen::Index v = 0; v < matrix.cols(); ++v) {
-    Eigen::VectorXd dense = Eigen::VectorXd::Zero(matrix.rows());
-    for (Eigen::Index k = rows.starts[row[v]]; k < rows.starts[row[v] + 1];
-         ++k) {
-      dense[rows.columns[k]] = rows.values[k];
-    }
+    const Eigen::VectorXd dense = solver->matrix().col(row[v]);
     EXPECT_EQ(Eigen::VectorXd(dense(row)), Eigen::VectorXd(matrix.col(v)));
   }
 }

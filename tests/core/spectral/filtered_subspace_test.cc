@@ -16,9 +16,8 @@ namespace {
 struct Problem {
   explicit Problem(const TriangleMesh& mesh) {
     const CotanLaplacian laplacian = BuildCotanLaplacian(mesh);
+    matrix = NormalizedStiffness(laplacian);
     mass = laplacian.mass;
-    const Eigen::VectorXd scale = mass.cwiseSqrt().cwiseInverse();
-    matrix = scale.asDiagonal() * laplacian.stiffness * scale.asDiagonal();
   }
 
   Eigen::SparseMatrix<double> matrix;
