@@ -2,23 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <functional>
 #include <numeric>
 #include <utility>
-
-#if defined(__SSE2__)
-#include <immintrin.h>
-#endif
 
 #include "core/geodesic/distance_field_solver.h"
 
 namespace isomatch {
 namespace {
-
-/// Distances of a vertex from the sources of a group. The compiler makes one or
-/// two registers of it, or plain code.
-using Lanes = float __attribute__((vector_size(FieldSweeps::kLanes * 4)));
 
 /// No distance yet, in mean edges. Its square is finite.
 constexpr float kFar = 1e18f;
@@ -27,46 +18,6 @@ constexpr float kRounding = 1e-6f;
 /// Updates a vertex, over all vertices, after which only ways along edges
 /// count, as in DistanceFieldSolver. Sound meshes take 9 to 32.
 constexpr std::int64_t kMostUpdates = 256;
-
-Lanes Load(const float* from) {
-  Lanes lanes;
-  std::memcpy(&lanes, from, sizeof lanes);
-  return lanes;
-}
-
-Lanes All(float value) { return Lanes{} + value; }
-
-/// Where b is not a number, a.
-Lanes Min(Lanes a, Lanes b) { return b < a ? b : a; }
-
-/// Exactly rounded. (std::sqrt in a loop is not vectorized, for errno.)
-Lanes Sqrt(Lanes lanes) {
-#if defined(__AVX__)
-  return _mm256_sqrt_ps(lanes);
-#elif defined(__SSE2__)
-  float values[FieldSweeps::kLanes];
-  std::memcpy(values, &lanes, sizeof values);
-  _mm_storeu_ps(values, _mm_sqrt_ps(_mm_loadu_ps(values)));
-  _mm_storeu_ps(values + 4, _mm_sqrt_ps(_mm_loadu_ps(values + 4)));
-  return Load(values);
-#else
-  for (int lane = 0; lane < FieldSweeps::kLanes; ++lane) {
-    lanes[lane] = std::sqrt(lanes[lane]);
-  }
-  return lanes;
-#endif
-}
-
-bool AnyLess(Lanes a, Lanes b) {
-  const auto less = a < b;
-#if defined(__AVX__)
-  return !_mm256_testz_si256((__m256i)less, (__m256i)less);
-#else
-  int any = 0;
-  for (int lane = 0; lane < FieldSweeps::kLanes; ++lane) any |= less[lane];
-  return any != 0;
-#endif
-}
 
 float MeanEdge(const WavefrontStencils& stencils) {
   double sum = 0;
@@ -163,29 +114,29 @@ std::vector<std::vector<int>> FieldSweeps::Groups(
 bool FieldSweeps::Update(VertexIndex vertex, bool over_planes,
                          float* distances) const {
   float* const own = distances + std::int64_t{vertex} * kLanes;
-  const Lanes before = Load(own);
+  const Lanes before = LoadLanes(own);
   const Lanes zero = {};
-  const Lanes far = All(kFar);
+  const Lanes far = AllLanes(kFar);
   Lanes now = before;
   for (auto i = first_[vertex]; i < first_[vertex + 1]; ++i) {
     const Triangle& t = triangles_[i];
-    const Lanes a = Load(distances + std::int64_t{t.a} * kLanes);
-    const Lanes b = Load(distances + std::int64_t{t.b} * kLanes);
-    now = Min(now, Min(a + t.from_a, b + t.from_b));
+    const Lanes a = LoadLanes(distances + std::int64_t{t.a} * kLanes);
+    const Lanes b = LoadLanes(distances + std::int64_t{t.b} * kLanes);
+    now = MinLanes(now, MinLanes(a + t.from_a, b + t.from_b));
     if (!over_planes) continue;
     // The virtual source, and where its straight line crosses the edge.
     const Lanes x = 0.5f * (t.base + (a - b) * (a + b) * t.inverse_base);
     const Lanes y_squared = a * a - x * x;
-    const Lanes y = Sqrt(y_squared > zero ? y_squared : zero);
+    const Lanes y = SqrtLanes(y_squared > zero ? y_squared : zero);
     const Lanes across = t.x - x;
     const Lanes down = t.y + y;
     const Lanes crossing = x * down + across * y;
     const auto hits =
         (y_squared >= zero) & (crossing >= zero) & (crossing <= t.base * down);
-    now = Min(now, hits ? Sqrt(across * across + down * down) : far);
+    now = MinLanes(now, hits ? SqrtLanes(across * across + down * down) : far);
   }
-  if (!AnyLess(now, before * (1 - kRounding))) return false;
-  std::memcpy(own, &now, sizeof now);
+  if (!AnyLane(now < before * (1 - kRounding))) return false;
+  StoreLanes(now, own);
   return true;
 }
 

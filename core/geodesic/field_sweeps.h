@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "absl/types/span.h"
+#include "core/base/lanes.h"
 #include "core/base/vertex_index.h"
 #include "core/geodesic/wavefront_stencils.h"
 
@@ -25,7 +26,6 @@ namespace isomatch {
 /// Workspace.
 class FieldSweeps {
  public:
-  static constexpr int kLanes = 8;
   /// With more vertices the tables outgrow the caches, and the fronts of a
   /// group disagree about the order: one source at a time is as fast at 10,000
   /// vertices and takes half the time at 100,000.

@@ -12,16 +12,16 @@ namespace isomatch {
 namespace {
 
 using Entry = Eigen::SparseMatrix<double>::InnerIterator;
-using Lanes = Eigen::Array<float, kPanel, 1>;
+using PanelRow = Eigen::Array<float, kPanel, 1>;
 
 /// x_i = (x_i - sum over row i) / diagonal.
 void SolveRow(const SparseRows& factor, float inverse, Eigen::Index i,
               Eigen::Index stride, float* panel) {
-  Eigen::Map<Lanes> own(panel + i * stride);
-  Lanes sum = own;
+  Eigen::Map<PanelRow> own(panel + i * stride);
+  PanelRow sum = own;
   for (Eigen::Index k = factor.starts[i]; k < factor.starts[i + 1]; ++k) {
     sum -= factor.values[k] *
-           Eigen::Map<const Lanes>(panel + factor.columns[k] * stride);
+           Eigen::Map<const PanelRow>(panel + factor.columns[k] * stride);
   }
   own = sum * inverse;
 }

@@ -130,7 +130,7 @@ TEST(FieldSweepsTest, GroupsHoldEachSourceOnceAndOneComponentAtMost) {
   const FieldSweeps sweeps(DistanceFieldSolver(mesh).stencils());
   for (const std::vector<int>& group : sweeps.Groups(sources)) {
     ASSERT_FALSE(group.empty());
-    EXPECT_LE(group.size(), std::size_t{FieldSweeps::kLanes});
+    EXPECT_LE(group.size(), std::size_t{kLanes});
     for (const int z : group) {
       ++times[z];
       EXPECT_EQ(sources[z] < half, sources[group.front()] < half);
