@@ -10,13 +10,16 @@ namespace {
 
 /// Changes below this are rounding of single-precision sums, no improvement.
 constexpr double kRounding = 1e-5;
+/// A change of so many times the temperature is never accepted: e^-40.
+constexpr double kHopeless = 40;
 
 /// The `count` unmatched points of Y closest to the image of match i, in
 /// decreasing order of closeness.
-std::vector<int> UnmatchedNear(const Matching& matching, int i, int count) {
+void UnmatchedNear(const Matching& matching, int i, int count,
+                   std::vector<int>* found) {
   const PointPool& pool = matching.pool(kY);
   const int image = matching.point(kY, i);
-  std::vector<int> near;
+  std::vector<int>& near = *found;
   const auto take = [&](absl::Span<const int> points) {
     near.clear();
     for (const int y : points) {
@@ -31,33 +34,18 @@ std::vector<int> UnmatchedNear(const Matching& matching, int i, int count) {
     take(ClosestOf(matching.Row(kY, i), pool.size(), image,
                    count + matching.size()));
   }
-  return near;
 }
 
-/// Draws swap partners.
-class PartnerSource {
- public:
-  PartnerSource(const Matching& matching, int neighbors)
-      : size_(matching.size()) {
-    if (neighbors == 0) return;
-    std::vector<float> row(size_);
-    for (int i = 0; i < size_; ++i) {
-      for (int j = 0; j < size_; ++j) row[j] = matching.closeness(kX, i, j);
-      near_.push_back(ClosestOf(row.data(), size_, i, neighbors));
-    }
+/// A match other than i to swap with. REQUIRES: at least two matches.
+int DrawPartner(const Matching& matching, int neighbors, int i,
+                RandomStream* random) {
+  if (neighbors > 0) {
+    const auto near = matching.NearestOnX(i);
+    return near[random->Below(static_cast<int>(near.size()))];
   }
-
-  /// A match other than i. REQUIRES: at least two matches.
-  int Draw(int i, RandomStream* random) const {
-    if (!near_.empty()) return near_[i][random->Below(near_[i].size())];
-    const int j = random->Below(size_ - 1);
-    return j < i ? j : j + 1;
-  }
-
- private:
-  int size_;
-  std::vector<std::vector<int>> near_;
-};
+  const int j = random->Below(matching.size() - 1);
+  return j < i ? j : j + 1;
+}
 
 }  // namespace
 
@@ -65,16 +53,20 @@ SwapCounts SwapPhase(const SwapOptions& options, double temperature,
                      RandomStream* random, Matching* matching) {
   SwapCounts counts;
   if (matching->size() < 2) return counts;
-  const PartnerSource partners(*matching, options.neighbors);
+  if (options.neighbors > 0) matching->ListNearestOnX(options.neighbors);
   for (; counts.proposed < options.proposals; ++counts.proposed) {
     const int i = random->Below(matching->size());
-    const int j = partners.Draw(i, random);
+    const int j = DrawPartner(*matching, options.neighbors, i, random);
     if (std::min(i, j) < matching->pinned()) continue;
     const double change = matching->SwapChange(i, j);
-    const bool accept =
-        change < -kRounding ||
-        (temperature > 0 && random->Unit() < std::exp(-change / temperature));
-    if (!accept) continue;
+    if (change >= -kRounding) {
+      if (temperature == 0) continue;
+      const double drawn = random->Unit();
+      if (change > kHopeless * temperature ||
+          drawn >= std::exp(-change / temperature)) {
+        continue;
+      }
+    }
     matching->Swap(i, j);
     ++counts.accepted;
   }
@@ -84,8 +76,9 @@ SwapCounts SwapPhase(const SwapOptions& options, double temperature,
 int RelocationSweep(int neighbors, Matching* matching) {
   int moves = 0;
   std::vector<float> changes;
+  std::vector<int> targets;
   for (int i = matching->pinned(); i < matching->size(); ++i) {
-    const std::vector<int> targets = UnmatchedNear(*matching, i, neighbors);
+    UnmatchedNear(*matching, i, neighbors, &targets);
     matching->RelocateChanges(i, targets, &changes);
     int best = -1;
     double least = -kRounding;

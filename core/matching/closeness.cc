@@ -1,14 +1,23 @@
 #include "core/matching/closeness.h"
 
 #include <algorithm>
+#include <iterator>
 #include <utility>
 
-#include <Eigen/Core>
-
+#include "core/base/lanes.h"
 #include "core/base/parallel.h"
 #include "core/base/status_macros.h"
 
 namespace isomatch {
+namespace {
+
+/// exp is taken of whole aligned blocks: on a plain array, which entries take
+/// its vector path, and so their last bits, would depend on the address.
+using Block = Eigen::Array<float, 64, 1>;
+constexpr Eigen::Index kBlock = Block::SizeAtCompileTime;
+constexpr Eigen::Index kLanesOfBlock = kBlock / kLanes;
+
+}  // namespace
 
 float Closeness::operator()(VertexIndex u, VertexIndex v) const {
   float closeness;
@@ -21,9 +30,6 @@ void Closeness::Row(VertexIndex u, absl::Span<const VertexIndex> vertices,
   for (std::size_t i = 0; i < vertices.size(); ++i) {
     row[i] = basis_->LowerBound(u, vertices[i]);
   }
-  // In whole aligned blocks: on a plain array, which entries take the vector
-  // path of exp, and so their last bits, would depend on its address.
-  using Block = Eigen::Array<float, 64, 1>;
   Block block = Block::Zero();
   for (std::size_t begin = 0; begin < vertices.size(); begin += block.size()) {
     const std::size_t count =
@@ -31,6 +37,42 @@ void Closeness::Row(VertexIndex u, absl::Span<const VertexIndex> vertices,
     std::copy_n(row + begin, count, block.data());
     block = (-inverse_width_ * block).exp();
     std::copy_n(block.data(), count, row + begin);
+  }
+}
+
+ClosenessRows::ClosenessRows(const Closeness& closeness,
+                             absl::Span<const VertexIndex> vertices)
+    : closeness_(closeness),
+      count_(std::ssize(vertices)),
+      stride_((count_ + kBlock - 1) / kBlock * kBlock),
+      profiles_(stride_ * closeness.basis().num_points(), 0) {
+  const int points = closeness.basis().num_points();
+  for (Eigen::Index i = 0; i < count_; ++i) {
+    const float* const profile = closeness.basis().Profile(vertices[i]);
+    for (int z = 0; z < points; ++z) profiles_[z * stride_ + i] = profile[z];
+  }
+}
+
+void ClosenessRows::Row(VertexIndex u, float* row) const {
+  const float* const profile = closeness_.basis().Profile(u);
+  const int points = closeness_.basis().num_points();
+  for (Eigen::Index begin = 0; begin < count_; begin += kBlock) {
+    // The largest difference of distances, Eq. 6.
+    Lanes largest[kLanesOfBlock] = {};
+    for (int z = 0; z < points; ++z) {
+      const float* const others = profiles_.data() + z * stride_ + begin;
+      for (int i = 0; i < kLanesOfBlock; ++i) {
+        const Lanes difference =
+            AbsLanes(LoadLanes(others + i * kLanes) - profile[z]);
+        largest[i] = MaxLanes(largest[i], difference);
+      }
+    }
+    Block block;
+    for (int i = 0; i < kLanesOfBlock; ++i) {
+      StoreLanes(largest[i], block.data() + i * kLanes);
+    }
+    block = (-closeness_.inverse_width() * block).exp();
+    std::copy_n(block.data(), std::min(kBlock, count_ - begin), row + begin);
   }
 }
 
@@ -70,18 +112,24 @@ absl::StatusOr<PointPool> PointPool::Create(const Closeness& closeness,
   pool.vertices_ = std::move(vertices);
   if (pool.size() > kMaxTabulated) return pool;
   pool.table_.resize(std::int64_t{pool.size()} * pool.size());
-  const int near = std::min(kNearest, pool.size() - 1);
-  pool.nearest_.resize(std::int64_t{pool.size()} * near);
+  const ClosenessRows rows(closeness, pool.vertices_);
   ISOMATCH_RETURN_IF_ERROR(
       ParallelFor(pool.size(), stop, [&](std::int64_t point) {
-        float* row = pool.table_.data() + point * pool.size();
-        closeness.Row(pool.vertices_[point], pool.vertices_, row);
-        const std::vector<int> closest =
-            ClosestOf(row, pool.size(), static_cast<int>(point), near);
-        std::copy(closest.begin(), closest.end(),
-                  pool.nearest_.data() + point * near);
+        rows.Row(pool.vertices_[point],
+                 pool.table_.data() + point * pool.size());
       }));
   return pool;
+}
+
+absl::Status PointPool::ListNearest(const std::stop_token& stop) {
+  if (table_.empty()) return absl::OkStatus();
+  const int near = std::min(kNearest, size() - 1);
+  nearest_.resize(std::int64_t{size()} * near);
+  return ParallelFor(size(), stop, [&](std::int64_t point) {
+    const std::vector<int> closest = ClosestOf(
+        table_.data() + point * size(), size(), static_cast<int>(point), near);
+    std::copy(closest.begin(), closest.end(), nearest_.data() + point * near);
+  });
 }
 
 const float* PointPool::Row(int point, std::vector<float>* storage) const {

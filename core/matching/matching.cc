@@ -1,10 +1,13 @@
 #include "core/matching/matching.h"
 
 #include <algorithm>
+#include <array>
 #include <cassert>
 #include <cmath>
 #include <limits>
 #include <utility>
+
+#include "core/base/lanes.h"
 
 namespace isomatch {
 
@@ -13,7 +16,8 @@ Matching::Matching(const PointPool& pool_x, const PointPool& pool_y,
     : pools_{&pool_x, &pool_y}, costs_(costs), capacity_(capacity) {
   for (const Side side : {kX, kY}) {
     row_storage_[side].resize(capacity);
-    closeness_[side].setZero(capacity, capacity);
+    closeness_[side].setZero(capacity,
+                             (capacity + kLanes - 1) / kLanes * kLanes);
     is_matched_[side].assign(pools_[side]->size(), false);
     coverage_[side].setZero(pools_[side]->size());
   }
@@ -141,23 +145,62 @@ void Matching::EmbeddingErrors(Side side, int point, int count,
   }
 }
 
+void Matching::OfferNear(int i, std::size_t listed, int other) {
+  int* const near = near_.data() + i * near_count_;
+  float* const closeness = near_closeness_.data() + i * near_count_;
+  const float value = closeness_[kX](i, other);
+  std::size_t at = std::min(listed, near_count_ - 1);
+  if (listed >= near_count_ && !(value > closeness[at])) return;
+  for (; at > 0 && closeness[at - 1] < value; --at) {
+    near[at] = near[at - 1];
+    closeness[at] = closeness[at - 1];
+  }
+  near[at] = other;
+  closeness[at] = value;
+}
+
+void Matching::ListNearestOnX(int count) {
+  if (static_cast<std::size_t>(count) != near_count_) {
+    near_count_ = count;
+    near_listed_ = 0;
+    near_.resize(near_count_ * capacity_);
+    near_closeness_.resize(near_count_ * capacity_);
+  }
+  for (; near_listed_ < points_[kX].size(); ++near_listed_) {
+    const int added = static_cast<int>(near_listed_);
+    for (int i = 0; i < added; ++i) {
+      OfferNear(i, near_listed_ - 1, added);
+      OfferNear(added, i, i);
+    }
+  }
+}
+
 double Matching::SwapChange(int i, int j) const {
-  const int n = size();
-  const auto x_i = closeness_[kX].row(i).head(n);
-  const auto x_j = closeness_[kX].row(j).head(n);
-  const auto y_i = closeness_[kY].row(i).head(n);
-  const auto y_j = closeness_[kY].row(j).head(n);
-  const auto change = (x_i - y_j).abs() + (x_j - y_i).abs() -
-                      (x_i - y_i).abs() - (x_j - y_j).abs();
+  const float* const x_i = closeness_[kX].row(i).data();
+  const float* const x_j = closeness_[kX].row(j).data();
+  const float* const y_i = closeness_[kY].row(i).data();
+  const float* const y_j = closeness_[kY].row(j).data();
+  Lanes changes = {};
+  for (int k = 0; k < size(); k += kLanes) {
+    const Lanes xi = LoadLanes(x_i + k);
+    const Lanes xj = LoadLanes(x_j + k);
+    const Lanes yi = LoadLanes(y_i + k);
+    const Lanes yj = LoadLanes(y_j + k);
+    changes += AbsLanes(xi - yj) + AbsLanes(xj - yi) - AbsLanes(xi - yi) -
+               AbsLanes(xj - yj);
+  }
   // The pair (i, j) itself keeps its two values, so its terms do not count.
-  const float own = change.coeff(i) + change.coeff(j);
-  const double by_pairs = 2.0 * (double{change.sum()} - own);
+  const auto own = [&](int k) {
+    return std::abs(x_i[k] - y_j[k]) + std::abs(x_j[k] - y_i[k]) -
+           std::abs(x_i[k] - y_i[k]) - std::abs(x_j[k] - y_j[k]);
+  };
+  const double by_pairs = 2.0 * (double{SumOfLanes(changes)} - own(i) - own(j));
   if (costs_ == nullptr) return by_pairs;
   const double by_costs = Cost(points_[kX][i], points_[kY][j]) +
                           Cost(points_[kX][j], points_[kY][i]) -
                           Cost(points_[kX][i], points_[kY][i]) -
                           Cost(points_[kX][j], points_[kY][j]);
-  return by_pairs + (n - 1) * by_costs;
+  return by_pairs + (size() - 1) * by_costs;
 }
 
 void Matching::Swap(int i, int j) {
@@ -171,22 +214,35 @@ void Matching::Swap(int i, int j) {
 
 void Matching::RelocateChanges(int i, const std::vector<int>& ys,
                                std::vector<float>* changes) const {
-  changes->assign(ys.size(), 0);
-  for (int j = 0; j < size(); ++j) {
-    if (j == i) continue;
-    const float wanted = closeness_[kX](i, j);
-    const float now = std::abs(wanted - closeness_[kY](i, j));
-    const float* const row = rows_[kY][j];
-    for (std::size_t t = 0; t < ys.size(); ++t) {
-      (*changes)[t] += std::abs(wanted - row[ys[t]]) - now;
+  const float* const on_x = closeness_[kX].row(i).data();
+  const float* const on_y = closeness_[kY].row(i).data();
+  // Of the match itself, and beyond the last, both are the same.
+  Lanes before = {};
+  for (int j = 0; j < size(); j += kLanes) {
+    before += AbsLanes(LoadLanes(on_x + j) - LoadLanes(on_y + j));
+  }
+  const float now = SumOfLanes(before);
+  changes->resize(ys.size());
+  for (std::size_t first = 0; first < ys.size(); first += kLanes) {
+    const std::size_t count = std::min<std::size_t>(kLanes, ys.size() - first);
+    std::array<int, kLanes> at;
+    at.fill(ys[first]);
+    std::copy_n(ys.begin() + first, count, at.begin());
+    Lanes after = {};
+    for (int j = 0; j < size(); ++j) {
+      if (j == i) continue;
+      after += AbsLanes(GatherLanes(rows_[kY][j], at.data()) - on_x[j]);
+    }
+    for (std::size_t t = 0; t < count; ++t) {
+      (*changes)[first + t] = after[t] - now;
     }
   }
   for (float& change : *changes) change *= 2;  // each pair counts twice
   if (costs_ == nullptr) return;
   const int x = points_[kX][i];
-  const float now = Cost(x, points_[kY][i]);
+  const float cost = Cost(x, points_[kY][i]);
   for (std::size_t t = 0; t < ys.size(); ++t) {
-    (*changes)[t] += static_cast<float>(size() - 1) * (Cost(x, ys[t]) - now);
+    (*changes)[t] += static_cast<float>(size() - 1) * (Cost(x, ys[t]) - cost);
   }
 }
 

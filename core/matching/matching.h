@@ -39,8 +39,9 @@ struct PointCosts {
 ///
 /// and, with costs of single matches, (size - 1) weight sum_i cost(x_i, y_i).
 ///
-/// Memory: 8 capacity^2 + 16 P bytes, and 8 P capacity when the pools are not
-/// tabulated. Not thread-safe. Keeps references to the pools.
+/// Memory: 8 capacity^2 + 16 P bytes, 8 for each entry of ListNearestOnX, and
+/// 8 P capacity when the pools are not tabulated. Not thread-safe. Keeps
+/// references to the pools.
 class Matching {
  public:
   /// `costs`: nullptr for none.
@@ -104,6 +105,16 @@ class Matching {
   void EmbeddingErrors(Side side, int point, int count,
                        std::vector<float>* errors) const;
 
+  /// Lists the `count` nearest matches on X of each match (all others, of
+  /// fewer), nearest first, ties by index. Time O(count) for each pair that has
+  /// a match added since the last call.
+  void ListNearestOnX(int count);
+  /// As listed last.
+  absl::Span<const int> NearestOnX(int i) const {
+    return absl::MakeConstSpan(near_).subspan(
+        i * near_count_, std::min<std::size_t>(near_count_, near_listed_ - 1));
+  }
+
   /// Change of the energy if matches i and j exchanged their images on Y.
   double SwapChange(int i, int j) const;
   void Swap(int i, int j);
@@ -125,6 +136,8 @@ class Matching {
     return costs_ == nullptr ? 0 : costs_->weight * costs_->of_match(y, x);
   }
   void SetPoint(Side side, int i, int point);
+  /// Match `i`, whose list holds `listed` others, is told of another one.
+  void OfferNear(int i, std::size_t listed, int other);
   void CoverBy(Side side, const float* row);
 
   std::array<const PointPool*, 2> pools_;
@@ -134,7 +147,12 @@ class Matching {
   std::array<std::vector<int>, 2> points_;  ///< of each match
   std::array<std::vector<const float*>, 2> rows_;
   std::array<std::vector<std::vector<float>>, 2> row_storage_;
-  std::array<Table, 2> closeness_;  ///< capacity x capacity, by match
+  /// By match, capacity x that in whole lanes; 0 where there is no match.
+  std::array<Table, 2> closeness_;
+  std::size_t near_count_ = 0;         ///< most entries of a list
+  std::size_t near_listed_ = 0;        ///< matches that are in the lists
+  std::vector<int> near_;              ///< lists of ListNearestOnX
+  std::vector<float> near_closeness_;  ///< of their entries
   std::array<std::vector<char>, 2> is_matched_;  ///< of each point
   /// Closeness of each point to the nearest match there has been.
   std::array<Eigen::ArrayXf, 2> coverage_;

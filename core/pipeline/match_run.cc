@@ -89,6 +89,10 @@ class MatchRun {
       ISOMATCH_ASSIGN_OR_RETURN(
           pools_[side],
           PointPool::Create(*closeness_[side], PoolVerticesOf(side), stop_));
+      // Matches move their images on Y only.
+      if (side == kY) {
+        ISOMATCH_RETURN_IF_ERROR(pools_[side].ListNearest(stop_));
+      }
       if (options_.candidates_from_environments) {
         search_[side] = CandidateSearch(shape(side).hash.basis, pools_[side]);
       }

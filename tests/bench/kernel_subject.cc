@@ -23,6 +23,7 @@ const KernelSubject& TheKernelSubject() {
         {});
     static const Closeness closeness(made->basis, options.kernel_width);
     made->pool = *PointPool::Create(closeness, made->farthest, {});
+    made->pool.ListNearest({}).IgnoreError();
     made->spectral = *ComputeSpectralBasis(BuildCotanLaplacian(made->mesh),
                                            options.alignment_basis, {});
     return made;

@@ -31,9 +31,27 @@ TEST(PointPoolTest, NearestAreTheFirstOfAFullSort) {
   }
 }
 
+TEST(ClosenessRowsTest, AreTheSameBitsAsRowsOneByOne) {
+  const HashedTestShape shape(FiveArms(3), /*pool_size=*/200);
+  const std::vector<VertexIndex>& all = shape.pool().vertices();
+  // Less than a block, one, and more.
+  for (const std::size_t count : {1, 63, 64, 65, 200}) {
+    const auto vertices = absl::MakeConstSpan(all).first(count);
+    const ClosenessRows rows(shape.closeness(), vertices);
+    std::vector<float> row(count);
+    std::vector<float> expected(count);
+    for (const VertexIndex u : {all[5], VertexIndex{0}, all[150]}) {
+      rows.Row(u, row.data());
+      shape.closeness().Row(u, vertices, expected.data());
+      EXPECT_EQ(row, expected) << count;
+    }
+  }
+}
+
 TEST(PointPoolTest, OnePointHasNoneNear) {
   const HashedTestShape shape(FiveArms(1), /*pool_size=*/20);
-  const PointPool pool = *PointPool::Create(shape.closeness(), {3}, {});
+  PointPool pool = *PointPool::Create(shape.closeness(), {3}, {});
+  ASSERT_TRUE(pool.ListNearest({}).ok());
   EXPECT_TRUE(pool.Nearest(0).empty());
 }
 

@@ -81,6 +81,29 @@ TEST_P(MatchingTest, ChangesAreThoseOfAFullEvaluation) {
   }
 }
 
+TEST_P(MatchingTest, NearestOnXAreTheFirstOfAFullSort) {
+  constexpr int kCount = 7;
+  for (const int added : {2, 1, 3, 20, 1, 33}) {
+    AddRandom(added);
+    matching_.ListNearestOnX(kCount);
+    matching_.Swap(0, matching_.size() - 1);  // which changes nothing on X
+    for (int i = 0; i < matching_.size(); ++i) {
+      std::vector<int> others;
+      for (int j = 0; j < matching_.size(); ++j) {
+        if (j != i) others.push_back(j);
+      }
+      std::stable_sort(others.begin(), others.end(), [&](int a, int b) {
+        return matching_.closeness(kX, i, a) > matching_.closeness(kX, i, b);
+      });
+      others.resize(std::min<std::size_t>(kCount, others.size()));
+      const auto near = matching_.NearestOnX(i);
+      EXPECT_EQ(std::vector<int>(near.begin(), near.end()), others);
+    }
+  }
+  matching_.ListNearestOnX(kCount + 1);
+  EXPECT_EQ(matching_.NearestOnX(3).size(), kCount + 1);
+}
+
 TEST_P(MatchingTest, CostsOfSingleMatchesCountInAllOfThem) {
   RandomStream random(2, 0);
   Eigen::MatrixXf costs(y_.pool().size(), x_.pool().size());
