@@ -35,6 +35,8 @@ class SortedBuckets {
   std::int64_t count() const {
     return static_cast<std::int64_t>(begin_.size()) - 1;
   }
+  /// Of all buckets, in order.
+  const std::vector<Item>& items() const { return items_; }
   absl::Span<const Item> operator[](std::int64_t bucket) const {
     return absl::MakeConstSpan(items_).subspan(
         begin_[bucket], begin_[bucket + 1] - begin_[bucket]);

@@ -26,6 +26,8 @@ struct DescribedSurface {
 
 /// Entries of a descriptor.
 inline constexpr int kShotSize = 352;
+/// Entries of each histogram of a descriptor.
+inline constexpr int kShotCosines = 11;
 
 /// ShotBall::least_cosine that leaves out a limb's other side.
 inline constexpr double kFacing = 0.2;

@@ -17,33 +17,56 @@ constexpr std::size_t kPartOfShape = 4;
 
 }  // namespace
 
-ConnectedBall::ConnectedBall(const Eigen::Matrix3Xd& positions,
+ConnectedBall::ConnectedBall(const Eigen::Matrix4Xf& positions,
                              const VertexStars& stars)
     : stars_(stars),
       positions_(positions),
       most_members_(
           std::max(kMostMembers,
                    static_cast<std::size_t>(positions.cols()) / kPartOfShape)),
+      fresh_(positions.cols() + 1),
       visited_(positions.cols(), 0) {}
 
 const std::vector<ConnectedBall::Member>& ConnectedBall::Around(
     VertexIndex center, double radius) {
+  if (!members_.empty() && members_.front().vertex == center &&
+      radius == radius_) {
+    return members_;
+  }
+  radius_ = radius;
   ++visit_;
   members_.assign(1, {center, 0});
   visited_[center] = visit_;
-  const Eigen::Vector3d middle = positions_.col(center);
-  for (std::size_t i = 0; i < members_.size(); ++i) {
-    for (const VertexIndex v : stars_.Neighbors(members_[i].vertex)) {
-      if (visited_[v] == visit_) continue;
-      visited_[v] = visit_;
-      const double squared = (positions_.col(v) - middle).squaredNorm();
-      if (squared < radius * radius) {
-        members_.push_back({v, std::sqrt(squared)});
-        if (members_.size() == most_members_) return members_;
+  const Eigen::Vector4f middle = positions_.col(center);
+  const auto enough = static_cast<float>(radius * radius);
+  // Level by level of edges, and without branches that no one can foretell.
+  for (std::size_t begin = 0; begin < members_.size();) {
+    std::size_t fresh = 0;
+    std::size_t end = members_.size();
+    for (; begin < end; ++begin) {
+      for (const VertexIndex v : stars_.Neighbors(members_[begin].vertex)) {
+        fresh_[fresh] = v;
+        fresh += visited_[v] != visit_;
+        visited_[v] = visit_;
       }
     }
+    members_.resize(end + fresh);
+    for (std::size_t i = 0; i < fresh; ++i) {
+      const float squared = (positions_.col(fresh_[i]) - middle).squaredNorm();
+      members_[end] = {fresh_[i], std::sqrt(squared)};
+      end += squared < enough;
+    }
+    members_.resize(std::min(end, most_members_));
+    if (members_.size() == most_members_) break;
   }
   return members_;
+}
+
+Eigen::Matrix4Xf BallPositions(const Positions& positions) {
+  Eigen::Matrix4Xf columns(4, positions.rows());
+  columns.topRows<3>() = positions.transpose().cast<float>();
+  columns.row(3).setZero();
+  return columns;
 }
 
 absl::Status ParallelForWithBall(
@@ -51,7 +74,7 @@ absl::Status ParallelForWithBall(
     const std::stop_token& stop,
     const std::function<void(std::int64_t, ConnectedBall*)>& body) {
   // Side by side, since balls visit them one by one.
-  const Eigen::Matrix3Xd positions = mesh.positions.transpose();
+  const Eigen::Matrix4Xf positions = BallPositions(mesh.positions);
   const std::int64_t tasks = (count + kIndicesPerTask - 1) / kIndicesPerTask;
   return ParallelFor(tasks, stop, [&](std::int64_t task) {
     ConnectedBall ball(positions, stars);

@@ -76,7 +76,7 @@ absl::Status FollowLandmarks(const PreparedMesh& x, const PreparedMesh& y,
   // Edges of the solved mesh in the unit of the full one.
   const double unit = x.coarse ? std::sqrt(x.coarse->working.area) : 1;
   const double reach = kLandmarkReach * unit * MeanEdgeLength(x.solved().mesh);
-  const Eigen::Matrix3Xd rest = x.full.mesh.positions.transpose();
+  const Eigen::Matrix4Xf rest = BallPositions(x.full.mesh.positions);
   ConnectedBall ball(rest, x.full.stars);
   Positions moves = Positions::Zero(places->rows(), 3);
   Eigen::VectorXd weights = Eigen::VectorXd::Zero(places->rows());

@@ -1,6 +1,8 @@
 #include "core/descriptor/nearby_match.h"
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include <gtest/gtest.h>
 
@@ -34,7 +36,7 @@ class NearbyMatchTest : public testing::Test {
   /// Sends every vertex to one at random that is nearer than `reach`.
   VertexMap Scattered(double reach) const {
     RandomStream random(1, 1);
-    const Eigen::Matrix3Xd positions = mesh_.positions.transpose();
+    const Eigen::Matrix4Xf positions = BallPositions(mesh_.positions);
     ConnectedBall ball(positions, stars_);
     VertexMap map;
     for (VertexIndex v = 0; v < mesh_.num_vertices(); ++v) {
@@ -58,6 +60,37 @@ TEST_F(NearbyMatchTest, FindsTheWayBackToTheSamePlace) {
   int right = 0;
   for (VertexIndex v = 0; v < mesh_.num_vertices(); ++v) right += found[v] == v;
   EXPECT_GT(right, 0.97 * mesh_.num_vertices());
+}
+
+TEST_F(NearbyMatchTest, NothingInReachIsMoreAlike) {
+  const ShapeDescriptors described = Describe(2000);
+  const VertexMap scattered = Scattered(0.1);
+  const NearbyMatchOptions options = {.every = 2};
+  const VertexMap found =
+      *MatchNearby(described, {described, surface()}, scattered, options, {});
+  const Eigen::Matrix4Xf positions = BallPositions(mesh_.positions);
+  ConnectedBall ball(positions, stars_);
+  for (std::size_t i = 0; i < described.vertices.size(); i += 2) {
+    const VertexIndex x = described.vertices[i];
+    double least = std::numeric_limits<double>::infinity();
+    double of_found = least;
+    for (const auto& [v, distance] : ball.Around(scattered[x], options.reach)) {
+      const int column = described.column_of_vertex[v];
+      if (column < 0) continue;
+      const double away = distance / options.reach;
+      const double unlike =
+          options.distance_weight * away * away +
+          (described.columns.col(static_cast<Eigen::Index>(i)) -
+           described.columns.col(column))
+              .squaredNorm();
+      least = std::min(least, unlike);
+      if (v == found[x]) of_found = unlike;
+    }
+    EXPECT_NEAR(of_found, least, 1e-6) << x;
+    if (i + 1 < described.vertices.size()) {
+      EXPECT_EQ(found[described.vertices[i + 1]], kNoVertex);
+    }
+  }
 }
 
 TEST_F(NearbyMatchTest, NeverLeavesTheReach) {

@@ -1,11 +1,18 @@
 #include "core/descriptor/shot_descriptor.h"
 
+#include <algorithm>
+#include <array>
 #include <cmath>
+#include <numbers>
 #include <numeric>
 #include <utility>
+#include <vector>
 
 #include <gtest/gtest.h>
+#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
 
+#include "core/mesh/connected_ball.h"
 #include "core/mesh/mesh_geometry.h"
 #include "core/spectral/cotan_laplacian.h"
 #include "tests/support/dirty_meshes.h"
@@ -53,6 +60,82 @@ double UsualDifference(const Described& a) {
 }
 
 constexpr ShotBall kShotBall = {0.8};
+
+/// Two bins next to `at` in [0, 1] among `count`, and what falls to each.
+std::array<std::pair<int, double>, 2> Shares(double at, int count,
+                                             bool around) {
+  const double place = at * count - 0.5;
+  const int bin = static_cast<int>(std::floor(place));
+  const auto within = [&](int b) {
+    return around ? (b + count) % count : std::clamp(b, 0, count - 1);
+  };
+  return {{{within(bin), 1 - (place - bin)}, {within(bin + 1), place - bin}}};
+}
+
+/// A descriptor one vertex after the other, in double precision.
+Eigen::VectorXd PlainDescriptor(const Described& surface, VertexIndex center,
+                                double radius) {
+  const TriangleMesh& mesh = surface.mesh;
+  std::vector<VertexIndex> near;
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+  const auto offset = [&](VertexIndex v) -> Eigen::Vector3d {
+    return (mesh.positions.row(v) - mesh.positions.row(center)).transpose();
+  };
+  const auto weight = [&](VertexIndex v) {
+    return surface.areas[v] * (radius - offset(v).norm());
+  };
+  const Eigen::Matrix4Xf positions = BallPositions(mesh.positions);
+  ConnectedBall ball(positions, surface.stars);
+  for (const auto& member : ball.Around(center, radius)) {
+    near.push_back(member.vertex);
+    covariance += weight(member.vertex) * offset(member.vertex) *
+                  offset(member.vertex).transpose();
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(covariance);
+  Eigen::Vector3d x = axes.eigenvectors().col(2);
+  Eigen::Vector3d z = axes.eigenvectors().col(0);
+  double along_x = 0;
+  double along_z = 0;
+  for (const VertexIndex v : near) {
+    along_x += weight(v) * offset(v).dot(x) * std::abs(offset(v).dot(x));
+    along_z += weight(v) * surface.normals.row(v).dot(z);
+  }
+  if (along_x < 0) x = -x;
+  if (along_z < 0) z = -z;
+  const Eigen::Vector3d y = z.cross(x);
+  Eigen::VectorXd histogram = Eigen::VectorXd::Zero(kShotSize);
+  for (const VertexIndex v : near) {
+    const Eigen::Vector3d at = offset(v);
+    const double far = at.norm();
+    const double turn =
+        std::atan2(at.dot(y), at.dot(x)) / (2 * std::numbers::pi) + 0.5;
+    const double height = far > 0 ? 0.5 + 0.5 * at.dot(z) / far : 0.5;
+    const double cosine = surface.normals.row(v).dot(z);
+    for (const auto& [t, of_t] : Shares(turn, 8, true)) {
+      for (const auto& [h, of_h] : Shares(height, 2, false)) {
+        for (const auto& [s, of_s] : Shares(far / radius, 2, false)) {
+          for (const auto& [c, of_c] :
+               Shares(0.5 + 0.5 * cosine, kShotCosines, false)) {
+            histogram[((t * 2 + h) * 2 + s) * kShotCosines + c] +=
+                surface.areas[v] * of_t * of_h * of_s * of_c;
+          }
+        }
+      }
+    }
+  }
+  return histogram.normalized();
+}
+
+TEST(ShotDescriptorTest, IsWhatPlainArithmeticGives) {
+  const Described arms(FiveArms(4), kShotBall);
+  int same = 0;
+  for (VertexIndex v = 0; v < arms.mesh.num_vertices(); ++v) {
+    const Eigen::VectorXd plain = PlainDescriptor(arms, v, kShotBall.radius);
+    same += (arms.columns.col(v).cast<double>() - plain).norm() < 1e-3;
+  }
+  // Where the surface is alike in all directions, rounding chooses the frame.
+  EXPECT_GT(same, 0.9 * arms.mesh.num_vertices());
+}
 
 TEST(ShotDescriptorTest, HasLengthOne) {
   const Described arms(FiveArms(3), kShotBall);

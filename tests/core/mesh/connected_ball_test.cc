@@ -22,7 +22,7 @@ std::vector<VertexIndex> Sorted(
 TEST(ConnectedBallTest, OnAPlaneHoldsAllThatIsNear) {
   const TriangleMesh mesh = PlaneGrid(20, 20, 1, 1);
   const VertexStars stars(mesh);
-  const Eigen::Matrix3Xd positions = mesh.positions.transpose();
+  const Eigen::Matrix4Xf positions = BallPositions(mesh.positions);
   ConnectedBall ball(positions, stars);
   for (const VertexIndex center : {0, 220, 440, 220}) {
     std::vector<VertexIndex> near;
@@ -36,9 +36,9 @@ TEST(ConnectedBallTest, OnAPlaneHoldsAllThatIsNear) {
     EXPECT_EQ(members.front().distance, 0);
     EXPECT_EQ(Sorted(members), near);
     for (const auto& [v, distance] : members) {
-      EXPECT_DOUBLE_EQ(
-          distance,
-          (mesh.positions.row(v) - mesh.positions.row(center)).norm());
+      EXPECT_NEAR(distance,
+                  (mesh.positions.row(v) - mesh.positions.row(center)).norm(),
+                  1e-6);
     }
   }
 }
@@ -50,7 +50,7 @@ TEST(ConnectedBallTest, LeavesOutASheetThatOnlyLiesNear) {
   const TriangleMesh two =
       Joined(Untouched(sheet), Untouched(raised), sheet.num_vertices()).mesh;
   const VertexStars stars(two);
-  const Eigen::Matrix3Xd positions = two.positions.transpose();
+  const Eigen::Matrix4Xf positions = BallPositions(two.positions);
   ConnectedBall ball(positions, stars);
   for (const auto& member : ball.Around(60, 0.3)) {
     EXPECT_LT(member.vertex, sheet.num_vertices());

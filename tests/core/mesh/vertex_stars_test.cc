@@ -42,7 +42,7 @@ TEST(VertexStarsTest, OfAFanOnlySomeFacesAreLookedAt) {
 TEST(VertexStarsTest, ABallOfAFanHoldsAQuarterOfIt) {
   const TriangleMesh fan = Fan(8000);
   const VertexStars stars(fan);
-  const Eigen::Matrix3Xd positions = fan.positions.transpose();
+  const Eigen::Matrix4Xf positions = BallPositions(fan.positions);
   ConnectedBall ball(positions, stars);
   EXPECT_EQ(ball.Around(0, 10).size(), 2000u);
   EXPECT_EQ(ball.Around(5, 10).front().vertex, 5);
