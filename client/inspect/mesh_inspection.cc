@@ -145,7 +145,7 @@ void InspectSurface(const CleanMesh& clean, MeshInspection* found) {
   found->boundary_edges = edges.boundary_edges();
   found->nonmanifold_edges = edges.nonmanifold_edges();
   found->nonmanifold_vertices =
-      static_cast<int>(NonManifoldVertices(mesh).size());
+      static_cast<int>(NonManifoldVertices(mesh, edges).size());
   found->flat_faces = CountFlatFaces(mesh);
   found->box_low = mesh.positions.colwise().minCoeff();
   found->box_high = mesh.positions.colwise().maxCoeff();

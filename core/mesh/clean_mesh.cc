@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <numeric>
+#include <optional>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -18,8 +19,7 @@ namespace {
 
 /// Vertices at the rim of some face's neighborhood: those that may be one end
 /// of a seam.
-std::vector<char> OnBoundary(const TriangleMesh& mesh) {
-  const EdgeFaces edges(mesh.faces);
+std::vector<char> OnBoundary(const TriangleMesh& mesh, const EdgeFaces& edges) {
   std::vector<char> on_boundary(mesh.num_vertices(), false);
   for (VertexIndex f = 0; f < mesh.num_faces(); ++f) {
     for (int corner = 0; corner < 3; ++corner) {
@@ -34,9 +34,9 @@ std::vector<char> OnBoundary(const TriangleMesh& mesh) {
 /// For each vertex the smallest vertex that is the same point: of the same
 /// coordinates, both on a boundary. Where closed surfaces merely touch, as
 /// fingers do, they stay apart.
-VertexMap WeldSeams(const TriangleMesh& mesh) {
+VertexMap WeldSeams(const TriangleMesh& mesh, const EdgeFaces& edges) {
   const Positions& positions = mesh.positions;
-  const std::vector<char> on_boundary = OnBoundary(mesh);
+  const std::vector<char> on_boundary = OnBoundary(mesh, edges);
   VertexMap welded(positions.rows());
   std::iota(welded.begin(), welded.end(), 0);
   VertexMap order;
@@ -56,6 +56,13 @@ VertexMap WeldSeams(const TriangleMesh& mesh) {
     }
   }
   return welded;
+}
+
+bool IsIdentity(const VertexMap& map) {
+  for (std::size_t v = 0; v < map.size(); ++v) {
+    if (map[v] != static_cast<VertexIndex>(v)) return false;
+  }
+  return true;
 }
 
 /// Height over length of a face below which it is a sliver.
@@ -213,8 +220,7 @@ class PatchOrienter {
   VertexIndex flipped_ = 0;
 };
 
-void OrientOutwards(CleanMesh* clean) {
-  const EdgeFaces edges(clean->mesh.faces);
+void OrientOutwards(const EdgeFaces& edges, CleanMesh* clean) {
   PatchOrienter orienter(edges, &clean->mesh);
   for (VertexIndex f = 0; f < clean->mesh.num_faces(); ++f) {
     if (!orienter.visited(f)) orienter.OrientPatch(f);
@@ -253,7 +259,7 @@ void WarnOfSlivers(CleanMesh* clean) {
 }
 
 void WarnOfVertices(const VertexMap& welded, VertexIndex dropped_faces,
-                    CleanMesh* clean) {
+                    const EdgeFaces& edges, CleanMesh* clean) {
   VertexIndex duplicates = 0;
   VertexIndex isolated = 0;
   for (std::size_t v = 0; v < welded.size(); ++v) {
@@ -268,7 +274,7 @@ void WarnOfVertices(const VertexMap& welded, VertexIndex dropped_faces,
        " vertices along seams coincide with others and were joined");
   warn(isolated, " vertices are on no face and stay unmatched");
   warn(dropped_faces, " degenerate or repeated faces left out");
-  warn(static_cast<VertexIndex>(NonManifoldVertices(clean->mesh).size()),
+  warn(static_cast<VertexIndex>(NonManifoldVertices(clean->mesh, edges).size()),
        " non-manifold vertices");
   WarnOfSlivers(clean);
   const int components = ConnectedComponents(clean->mesh).count;
@@ -281,15 +287,18 @@ absl::StatusOr<CleanMesh> Clean(const TriangleMesh& mesh,
                                 const std::stop_token& stop) {
   ISOMATCH_RETURN_IF_ERROR(CheckNotCancelled(stop));
   CleanMesh clean;
-  const VertexMap welded = WeldSeams(mesh);
+  std::optional<EdgeFaces> edges(mesh.faces);
+  const VertexMap welded = WeldSeams(mesh, *edges);
   ISOMATCH_RETURN_IF_ERROR(CheckNotCancelled(stop));
   VertexIndex dropped = 0;
   clean.mesh.faces = WeldedFaces(mesh.faces, welded, &dropped);
   Compact(mesh, welded, &clean);
   ISOMATCH_RETURN_IF_ERROR(CheckNotCancelled(stop));
-  WarnOfVertices(welded, dropped, &clean);
+  // Where nothing was joined or dropped, the same sides meet as before.
+  if (dropped > 0 || !IsIdentity(welded)) edges.emplace(clean.mesh.faces);
+  WarnOfVertices(welded, dropped, *edges, &clean);
   ISOMATCH_RETURN_IF_ERROR(CheckNotCancelled(stop));
-  OrientOutwards(&clean);
+  OrientOutwards(*edges, &clean);
   return clean;
 }
 

@@ -139,7 +139,7 @@ std::vector<ComponentTopology> DescribeComponents(const TriangleMesh& mesh) {
   const EdgeFaces edges(mesh.faces);
   AddSides(mesh, edges, components, &found);
   TakeNonManifoldEdges(mesh, edges, components, &found);
-  for (const VertexIndex v : NonManifoldVertices(mesh)) {
+  for (const VertexIndex v : NonManifoldVertices(mesh, edges)) {
     found[components.of_vertex[v]].is_manifold = false;
   }
   std::stable_sort(found.begin(), found.end(),

@@ -1,10 +1,33 @@
 #include "core/mesh/embedding.h"
 
+#include <algorithm>
+#include <cstdint>
+#include <vector>
+
 #include "core/base/parallel.h"
+#include "core/base/sorted_buckets.h"
 #include "core/base/status_macros.h"
+#include "core/mesh/face_lanes.h"
 #include "core/mesh/surface_samples.h"
 
 namespace isomatch {
+namespace {
+
+/// The faces of a vertex and of its neighbors, of which the face that is
+/// nearest to a point is one where the vertex is nearest, in all likelihood.
+std::vector<VertexIndex> FacesAround(const VertexStars& stars,
+                                     VertexIndex vertex) {
+  std::vector<VertexIndex> around;
+  for (const VertexIndex v : stars.SomeNeighbors(vertex)) {
+    const auto faces = stars.SomeFaces(v);
+    around.insert(around.end(), faces.begin(), faces.end());
+  }
+  std::sort(around.begin(), around.end());
+  around.erase(std::unique(around.begin(), around.end()), around.end());
+  return around;
+}
+
+}  // namespace
 
 Embedding EmbedInItself(const StarredMesh& surface) {
   Embedding embedding = {surface.mesh.faces, {}};
@@ -49,19 +72,25 @@ absl::StatusOr<Embedding> EmbedInCoarse(const StarredMesh& fine,
   const Eigen::VectorXd no_areas;
   const PointsOnSurface from = {fine.stars, no_areas, fine_columns};
   const PointsOnSurface to = {surface.stars, no_areas, coarse_columns};
+  VertexMap nearest(n);
+  ISOMATCH_RETURN_IF_ERROR(ParallelForVertices(n, stop, [&](VertexIndex v) {
+    nearest[v] = DescendOverEdges(from, to, v, starts[v], {});
+  }));
+  const SortedBuckets<VertexIndex> fine_of_coarse(
+      n, coarse.num_vertices(), [&](std::int64_t v) { return nearest[v]; },
+      [](std::int64_t v) { return static_cast<VertexIndex>(v); });
   Embedding embedding;
   embedding.points.resize(n);
-  ISOMATCH_RETURN_IF_ERROR(ParallelForVertices(n, stop, [&](VertexIndex v) {
-    const VertexIndex nearest = DescendOverEdges(from, to, v, starts[v], {});
-    // The nearest vertex need not be a corner of the nearest face.
-    std::vector<VertexIndex> around;
-    for (const VertexIndex c : surface.stars.SomeNeighbors(nearest)) {
-      const auto faces = surface.stars.SomeFaces(c);
-      around.insert(around.end(), faces.begin(), faces.end());
+  const auto embed_around = [&](VertexIndex c) {
+    if (fine_of_coarse[c].empty()) return;
+    const std::vector<VertexIndex> around = FacesAround(surface.stars, c);
+    const FaceLanes faces(coarse, around, c);
+    for (const VertexIndex v : fine_of_coarse[c]) {
+      embedding.points[v] = faces.Nearest(fine.mesh.positions.row(v));
     }
-    embedding.points[v] =
-        NearestOnFaces(coarse, around, fine.mesh.positions.row(v));
-  }));
+  };
+  ISOMATCH_RETURN_IF_ERROR(
+      ParallelForVertices(coarse.num_vertices(), stop, embed_around));
   embedding.faces = surface.faces;
   for (Eigen::Index i = 0; i < embedding.faces.size(); ++i) {
     embedding.faces.data()[i] =

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <numeric>
+#include <vector>
 
 #include "absl/types/span.h"
 #include "core/base/sorted_buckets.h"
@@ -14,7 +15,7 @@ namespace {
 /// One side of one face, of the edge from some vertex to a larger one.
 struct KeyedSide {
   VertexIndex high;
-  std::int64_t side;
+  std::int32_t side;
   auto operator<=>(const KeyedSide&) const = default;
 };
 
@@ -30,7 +31,7 @@ void ForEachEdge(const Faces& faces, const Visit& visit) {
       faces.size(), num_vertices,
       [&](std::int64_t side) { return ends(side).first; },
       [&](std::int64_t side) {
-        return KeyedSide{ends(side).second, side};
+        return KeyedSide{ends(side).second, static_cast<std::int32_t>(side)};
       });
   for (VertexIndex low = 0; low < num_vertices; ++low) {
     absl::Span<const KeyedSide> left = by_low[low];
@@ -100,6 +101,7 @@ Components ConnectedComponents(const TriangleMesh& mesh) {
 std::vector<int> LargeComponents(const TriangleMesh& mesh,
                                  const Components& components) {
   constexpr double kSmall = 0.05;
+  if (components.count == 1) return {0};
   std::vector<double> areas(components.count, 0);
   for (VertexIndex f = 0; f < mesh.num_faces(); ++f) {
     areas[components.of_vertex[mesh.faces(f, 0)]] += FaceArea(mesh, f);
@@ -145,14 +147,74 @@ bool HasOneFan(const TriangleMesh& mesh, const VertexStars& stars,
   return true;
 }
 
+/// Counts the fans at each vertex, walking around it from face to face.
+class FanCounter {
+ public:
+  FanCounter(const TriangleMesh& mesh, const EdgeFaces& edges)
+      : faces_(mesh.faces),
+        edges_(edges),
+        visited_(3 * std::int64_t{mesh.num_faces()}, false),
+        fans_(mesh.num_vertices(), 0) {
+    for (VertexIndex f = 0; f < mesh.num_faces(); ++f) {
+      for (int corner = 0; corner < 3; ++corner) {
+        if (Visit(f, corner)) CountFan(f, corner);
+      }
+    }
+  }
+
+  /// Of each vertex, two standing for more; those that share a non-manifold
+  /// edge are counted apart.
+  const std::vector<char>& fans() const { return fans_; }
+
+ private:
+  /// Whether it is for the first time.
+  bool Visit(VertexIndex face, int corner) {
+    char& visited = visited_[3 * std::int64_t{face} + corner];
+    const bool first = !visited;
+    visited = true;
+    return first;
+  }
+
+  void CountFan(VertexIndex face, int corner) {
+    const VertexIndex vertex = faces_(face, corner);
+    fans_[vertex] = static_cast<char>(std::min(fans_[vertex] + 1, 2));
+    // Over the side that begins at the vertex, then over the one that ends.
+    for (int side : {corner, (corner + 2) % 3}) {
+      VertexIndex f = face;
+      while (true) {
+        const EdgeFaces::Side other = edges_.Opposite(f, side);
+        if (other.face == kNoVertex) break;
+        const int at = faces_(other.face, other.corner) == vertex
+                           ? other.corner
+                           : (other.corner + 1) % 3;
+        if (!Visit(other.face, at)) break;
+        f = other.face;
+        side = at == other.corner ? (at + 2) % 3 : at;
+      }
+    }
+  }
+
+  const Faces& faces_;
+  const EdgeFaces& edges_;
+  std::vector<char> visited_;  ///< by corner
+  std::vector<char> fans_;
+};
+
 }  // namespace
 
-std::vector<VertexIndex> NonManifoldVertices(const TriangleMesh& mesh) {
-  const VertexStars stars(mesh);
+std::vector<VertexIndex> NonManifoldVertices(const TriangleMesh& mesh,
+                                             const EdgeFaces& edges) {
   std::vector<VertexIndex> found;
+  const std::vector<char> fans = FanCounter(mesh, edges).fans();
   for (VertexIndex v = 0; v < mesh.num_vertices(); ++v) {
-    if (!HasOneFan(mesh, stars, v)) found.push_back(v);
+    if (fans[v] > 1) found.push_back(v);
   }
+  if (found.empty()) return found;
+  // Fans that share a non-manifold edge, or a face that repeats a vertex, are
+  // one.
+  const VertexStars stars(mesh);
+  std::erase_if(found,
+                [&](VertexIndex v) { return HasOneFan(mesh, stars, v); });
   return found;
 }
 

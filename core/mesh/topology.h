@@ -12,6 +12,8 @@ namespace isomatch {
 /// Time and memory O(m).
 class EdgeFaces {
  public:
+  /// REQUIRES: no more faces than ValidateMesh lets pass, so that each side has
+  /// a number.
   explicit EdgeFaces(const Faces& faces);
 
   /// Side `corner` of face `face` runs from its vertex `corner` to the next.
@@ -23,25 +25,26 @@ class EdgeFaces {
   /// Returns the side of the other face at this edge when exactly two faces
   /// meet there; {kNoVertex, 0} at a boundary or a non-manifold edge.
   Side Opposite(VertexIndex face, int corner) const {
-    const std::int64_t other = opposite_[3 * std::int64_t{face} + corner];
+    const SideIndex other = opposite_[3 * face + corner];
     if (other < 0) return {kNoVertex, 0};
-    return {static_cast<VertexIndex>(other / 3), static_cast<int>(other % 3)};
+    return {other / 3, other % 3};
   }
 
   /// True when no other face meets this side.
   bool IsBoundary(VertexIndex face, int corner) const {
-    return opposite_[3 * std::int64_t{face} + corner] == kBoundary;
+    return opposite_[3 * face + corner] == kBoundary;
   }
 
   int boundary_edges() const { return boundary_edges_; }
   int nonmanifold_edges() const { return nonmanifold_edges_; }
 
  private:
-  static constexpr std::int64_t kBoundary = -1;
-  static constexpr std::int64_t kNonManifold = -2;
+  /// 3 face + corner.
+  using SideIndex = std::int32_t;
+  static constexpr SideIndex kBoundary = -1;
+  static constexpr SideIndex kNonManifold = -2;
 
-  /// 3 face + corner, or one of the above.
-  std::vector<std::int64_t> opposite_;
+  std::vector<SideIndex> opposite_;  ///< of each side, or one of the above
   int boundary_edges_ = 0;
   int nonmanifold_edges_ = 0;
 };
@@ -60,7 +63,8 @@ std::vector<int> LargeComponents(const TriangleMesh& mesh,
                                  const Components& components);
 
 /// The vertices at which two or more fans of faces meet that share no edge
-/// there, by number. Time O(m).
-std::vector<VertexIndex> NonManifoldVertices(const TriangleMesh& mesh);
+/// there, by number. `edges`: of its faces. Time O(m).
+std::vector<VertexIndex> NonManifoldVertices(const TriangleMesh& mesh,
+                                             const EdgeFaces& edges);
 
 }  // namespace isomatch

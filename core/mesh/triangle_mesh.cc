@@ -39,6 +39,8 @@ absl::Status CheckFaces(const TriangleMesh& mesh, const std::string& field) {
   return absl::OkStatus();
 }
 
+/// What EdgeFaces can number.
+constexpr VertexIndex kMostFaces = std::numeric_limits<VertexIndex>::max() / 3;
 /// Faces that medians are taken over, at even steps.
 constexpr VertexIndex kSampledFaces = 1 << 12;
 
@@ -138,6 +140,11 @@ absl::Status ValidateMesh(const TriangleMesh& mesh, const std::string& field) {
     return absl::InvalidArgumentError(
         absl::StrCat(field, ": ", mesh.num_vertices(), " vertices and ",
                      mesh.num_faces(), " faces, expected at least one face"));
+  }
+  if (mesh.num_faces() > kMostFaces) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(field, ": ", mesh.num_faces(), " faces, expected at most ",
+                     kMostFaces));
   }
   ISOMATCH_RETURN_IF_ERROR(CheckPositions(mesh.positions, field));
   ISOMATCH_RETURN_IF_ERROR(CheckFaces(mesh, field));

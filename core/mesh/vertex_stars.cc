@@ -15,6 +15,28 @@ std::vector<VertexIndex> AtEvenSteps(absl::Span<const VertexIndex> all,
   return some;
 }
 
+/// Of a few values, most of which come twice, by insertion.
+void SortUnique(std::vector<VertexIndex>* values) {
+  constexpr std::size_t kFew = 24;
+  if (values->size() > kFew) {
+    std::sort(values->begin(), values->end());
+    values->erase(std::unique(values->begin(), values->end()), values->end());
+    return;
+  }
+  VertexIndex* const all = values->data();
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < values->size(); ++i) {
+    const VertexIndex value = all[i];
+    std::size_t at = kept;
+    while (at > 0 && all[at - 1] > value) --at;
+    if (at > 0 && all[at - 1] == value) continue;
+    for (std::size_t j = kept; j > at; --j) all[j] = all[j - 1];
+    all[at] = value;
+    ++kept;
+  }
+  values->resize(kept);
+}
+
 }  // namespace
 
 VertexStars::VertexStars(const TriangleMesh& mesh) {
@@ -40,8 +62,7 @@ VertexStars::VertexStars(const TriangleMesh& mesh) {
         if (mesh.faces(f, corner) != v) around.push_back(mesh.faces(f, corner));
       }
     }
-    std::sort(around.begin(), around.end());
-    around.erase(std::unique(around.begin(), around.end()), around.end());
+    SortUnique(&around);
     neighbors_.insert(neighbors_.end(), around.begin(), around.end());
     first_neighbor_.push_back(static_cast<std::int64_t>(neighbors_.size()));
     if (std::max(Faces(v).size(), around.size()) > kSome) {

@@ -2,11 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <iterator>
 #include <numeric>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "core/base/parallel.h"
+#include "core/base/sorted_buckets.h"
 #include "core/base/status_macros.h"
 #include "core/geodesic/farthest_point_sampling.h"
 #include "core/mesh/clean_mesh.h"
@@ -64,20 +67,24 @@ Selected SelectVertices(const TriangleMesh& mesh, const Components& components,
 TriangleMesh Submesh(const TriangleMesh& mesh, const Selected& selected) {
   TriangleMesh result;
   result.positions = mesh.positions(selected.old_from_new, Eigen::all);
-  std::vector<VertexIndex> faces;
-  for (VertexIndex f = 0; f < mesh.num_faces(); ++f) {
-    if (selected.new_from_old[mesh.faces(f, 0)] != kNoVertex) {
-      faces.push_back(f);
+  // By their first vertex; those left out in a bucket of their own.
+  const auto kept = static_cast<VertexIndex>(selected.old_from_new.size());
+  const SortedBuckets<VertexIndex> by_first(
+      mesh.num_faces(), kept + 1,
+      [&](std::int64_t f) {
+        const VertexIndex first = selected.new_from_old[mesh.faces(f, 0)];
+        return first == kNoVertex ? kept : first;
+      },
+      [](std::int64_t f) { return static_cast<VertexIndex>(f); });
+  const absl::Span<const VertexIndex> faces =
+      absl::MakeConstSpan(by_first.items())
+          .first(by_first.items().size() - by_first[kept].size());
+  result.faces.resize(std::ssize(faces), 3);
+  for (std::size_t i = 0; i < faces.size(); ++i) {
+    for (int corner = 0; corner < 3; ++corner) {
+      result.faces(static_cast<Eigen::Index>(i), corner) =
+          selected.new_from_old[mesh.faces(faces[i], corner)];
     }
-  }
-  std::stable_sort(faces.begin(), faces.end(),
-                   [&](VertexIndex a, VertexIndex b) {
-                     return selected.new_from_old[mesh.faces(a, 0)] <
-                            selected.new_from_old[mesh.faces(b, 0)];
-                   });
-  result.faces = mesh.faces(faces, Eigen::all);
-  for (Eigen::Index i = 0; i < result.faces.size(); ++i) {
-    result.faces.data()[i] = selected.new_from_old[result.faces.data()[i]];
   }
   return result;
 }

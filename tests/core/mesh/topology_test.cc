@@ -92,6 +92,25 @@ TEST(ConnectedComponentsTest, TellsTwoSpheresAndALoneVertexApart) {
   EXPECT_EQ(components.of_vertex[2 * n], 2);
 }
 
+std::vector<VertexIndex> NonManifoldVertices(const TriangleMesh& mesh) {
+  return NonManifoldVertices(mesh, EdgeFaces(mesh.faces));
+}
+
+TEST(NonManifoldVerticesTest, FacesThatShareANonManifoldEdgeAreOneFan) {
+  // Three faces at the edge 0-1, and a fourth at vertex 0 alone.
+  TriangleMesh book;
+  book.positions = Positions::Random(7, 3);
+  book.faces.resize(3, 3);
+  book.faces << 0, 1, 2, 0, 1, 3, 1, 0, 4;
+  EXPECT_TRUE(NonManifoldVertices(book).empty());
+  book.faces.conservativeResize(4, 3);
+  book.faces.row(3) << 0, 5, 6;
+  EXPECT_EQ(NonManifoldVertices(book), std::vector<VertexIndex>{0});
+  // A face that repeats a vertex is no fan of its own.
+  book.faces.row(3) << 0, 0, 1;
+  EXPECT_TRUE(NonManifoldVertices(book).empty());
+}
+
 TEST(NonManifoldVerticesTest, TwoFansThatTouchInAPointAreOne) {
   EXPECT_TRUE(NonManifoldVertices(UnitSphere(1)).empty());
   EXPECT_TRUE(NonManifoldVertices(PlaneGrid(3, 3, 1, 1)).empty());
