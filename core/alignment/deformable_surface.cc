@@ -1,11 +1,15 @@
 #include "core/alignment/deformable_surface.h"
 
 #include <algorithm>
+#include <array>
+#include <cstdint>
+#include <iterator>
 
-#include <Eigen/Geometry>
+#include <Eigen/LU>
 #include <Eigen/SVD>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/lanes.h"
 #include "core/base/parallel.h"
 #include "core/base/status_macros.h"
 
@@ -14,10 +18,15 @@ namespace {
 
 constexpr double kLeastWeight = 0.01;
 constexpr double kLargestWeight = 10;
-/// Most steps of TurnTowardBest; a rotation that is nearly right needs two or
-/// three.
-constexpr int kMaxTurns = 6;
-constexpr double kSmallTurn = 1e-3;
+/// Most steps of TurnTowardBest: of rotations that are nearly right, which need
+/// two or three, and at first.
+constexpr int kTurns = 6;
+constexpr int kFirstTurns = 24;
+constexpr float kSmallTurn = 1e-3f;
+constexpr VertexIndex kVerticesPerTask = 256;
+
+/// A 3 x 3 matrix of each lane, column by column.
+using LaneMatrix = std::array<LaneVector, 3>;
 
 /// The rotation R that maximizes trace(R^T covariance).
 Eigen::Matrix3d BestRotation(const Eigen::Matrix3d& covariance) {
@@ -28,23 +37,49 @@ Eigen::Matrix3d BestRotation(const Eigen::Matrix3d& covariance) {
   return left * svd.matrixV().transpose();
 }
 
-/// Turns a rotation toward the best one (Mueller, Bender, Chentanez, Macklin:
-/// A Robust Method to Extract the Rotational Part of Deformations, 2016).
-void TurnTowardBest(const Eigen::Matrix3d& covariance,
-                    Eigen::Matrix3d* rotation) {
-  for (int turn = 0; turn < kMaxTurns; ++turn) {
-    Eigen::Vector3d axis = Eigen::Vector3d::Zero();
-    double alignment = 0;
+/// Turns by the unit quaternion along (1, axis / 2): nearly by the length of
+/// `axis`, and small angles exactly.
+void Turn(const LaneVector& axis, Lanes squared_length, LaneMatrix* rotation) {
+  const Lanes w = 1 / SqrtLanes(1 + 0.25f * squared_length);
+  const Lanes x = 0.5f * axis[0] * w;
+  const Lanes y = 0.5f * axis[1] * w;
+  const Lanes z = 0.5f * axis[2] * w;
+  const Lanes rows[3][3] = {
+      {1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)},
+      {2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)},
+      {2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)}};
+  for (LaneVector& column : *rotation) {
+    const LaneVector old = column;
     for (int i = 0; i < 3; ++i) {
-      axis += rotation->col(i).cross(covariance.col(i));
-      alignment += rotation->col(i).dot(covariance.col(i));
+      column[i] =
+          rows[i][0] * old[0] + rows[i][1] * old[1] + rows[i][2] * old[2];
     }
-    axis /= std::abs(alignment) + 1e-30;
-    const double angle = axis.norm();
-    if (!(angle > kSmallTurn)) return;
-    // Nearly the angle, and small ones exactly.
-    const Eigen::Quaterniond small(1, axis.x() / 2, axis.y() / 2, axis.z() / 2);
-    *rotation = small.normalized().toRotationMatrix() * *rotation;
+  }
+}
+
+/// Turns rotations toward the best ones (Mueller, Bender, Chentanez, Macklin:
+/// A Robust Method to Extract the Rotational Part of Deformations, 2016).
+void TurnTowardBest(const LaneMatrix& covariance, int turns,
+                    LaneMatrix* rotation) {
+  for (int turn = 0; turn < turns; ++turn) {
+    LaneVector axis = {};
+    Lanes alignment = {};
+    for (int i = 0; i < 3; ++i) {
+      const LaneVector& r = (*rotation)[i];
+      const LaneVector& c = covariance[i];
+      axis[0] += r[1] * c[2] - r[2] * c[1];
+      axis[1] += r[2] * c[0] - r[0] * c[2];
+      axis[2] += r[0] * c[1] - r[1] * c[0];
+      alignment += r[0] * c[0] + r[1] * c[1] + r[2] * c[2];
+    }
+    const Lanes inverse = 1 / (AbsLanes(alignment) + 1e-30f);
+    Lanes squared_length = {};
+    for (Lanes& a : axis) {
+      a *= inverse;
+      squared_length += a * a;
+    }
+    if (!AnyLane(squared_length > AllLanes(kSmallTurn * kSmallTurn))) return;
+    Turn(axis, squared_length, rotation);
   }
 }
 
@@ -52,7 +87,7 @@ void TurnTowardBest(const Eigen::Matrix3d& covariance,
 
 DeformableSurface::DeformableSurface(const TriangleMesh& mesh,
                                      const CotanLaplacian& laplacian)
-    : rotations_(mesh.num_vertices(), Eigen::Matrix3d::Identity()) {
+    : rotations_(mesh.num_vertices(), Rotation::Identity()) {
   const Eigen::Matrix3Xd rest = mesh.positions.transpose();
   std::vector<Eigen::Triplet<double>> entries;
   edges_.reserve(laplacian.stiffness.nonZeros());
@@ -65,7 +100,8 @@ DeformableSurface::DeformableSurface(const TriangleMesh& mesh,
       const double weight =
           std::clamp(-entry.value(), kLeastWeight, kLargestWeight);
       const Eigen::Vector3d edge = rest.col(v) - rest.col(other);
-      edges_.push_back({other, weight, edge, weight * edge});
+      edges_.push_back({(weight * edge).cast<float>(), other,
+                        edge.cast<float>(), static_cast<float>(weight)});
       entries.emplace_back(v, v, weight);
       entries.emplace_back(other, v, -weight);
     }
@@ -89,17 +125,49 @@ absl::Status DeformableSurface::SetPull(const Eigen::VectorXd& pull,
                    pull.size(), " vertices, stiffness ", stiffness));
 }
 
-void DeformableSurface::FitRotation(VertexIndex v) {
-  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+DeformableSurface::Rotation DeformableSurface::Covariance(VertexIndex v) const {
+  Rotation sum = Rotation::Zero();
+  const Eigen::Vector4f own = current_.col(v);
   for (const Edge& edge : EdgesOf(v)) {
-    covariance +=
-        (current_.col(v) - current_.col(edge.to)) * edge.weighted.transpose();
+    const Eigen::Vector4f now = own - current_.col(edge.to);
+    for (int i = 0; i < 3; ++i) sum.col(i) += edge.weighted[i] * now;
   }
-  if (has_rotations_) {
-    TurnTowardBest(covariance, &rotations_[v]);
-  } else {
-    rotations_[v] = BestRotation(covariance);
+  return sum;
+}
+
+void DeformableSurface::FitRotations(VertexIndex begin, VertexIndex end,
+                                     int turns) {
+  LaneMatrix covariance = {};
+  LaneMatrix rotation = {};
+  for (VertexIndex v = begin; v < end; ++v) {
+    const Rotation sum = Covariance(v);
+    for (int i = 0; i < 3; ++i) {
+      for (int j = 0; j < 3; ++j) {
+        covariance[i][j][v - begin] = sum(j, i);
+        rotation[i][j][v - begin] = rotations_[v](j, i);
+      }
+    }
   }
+  TurnTowardBest(covariance, turns, &rotation);
+  for (VertexIndex v = begin; v < end; ++v) {
+    for (int i = 0; i < 3; ++i) {
+      for (int j = 0; j < 3; ++j) {
+        rotations_[v](j, i) = rotation[i][j][v - begin];
+      }
+    }
+  }
+}
+
+/// From there most turns are small, and none is hopeless, as one by 180 degrees
+/// from no rotation would be.
+void DeformableSurface::StartRotations() {
+  Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
+  for (VertexIndex v = 0; v < std::ssize(rotations_); ++v) {
+    sum += Covariance(v).topRows<3>().cast<double>();
+  }
+  Rotation start = Rotation::Zero();
+  start.topRows<3>() = BestRotation(sum).cast<float>();
+  std::fill(rotations_.begin(), rotations_.end(), start);
 }
 
 /// All three axes at once, so that the factor is read once.
@@ -138,17 +206,32 @@ absl::Status DeformableSurface::Step(const Positions& targets,
                                      const std::stop_token& stop,
                                      Positions* positions) {
   const auto n = static_cast<VertexIndex>(rotations_.size());
-  current_ = positions->transpose();
+  current_.setZero(4, n);
+  current_.topRows<3>() = positions->transpose().cast<float>();
+  if (!has_rotations_) StartRotations();
+  const int turns = has_rotations_ ? kTurns : kFirstTurns;
+  const auto fit = [&](std::int64_t task) {
+    const auto first = static_cast<VertexIndex>(task) * kVerticesPerTask;
+    const VertexIndex end = std::min(n, first + kVerticesPerTask);
+    for (VertexIndex v = first; v < end; v += kLanes) {
+      FitRotations(v, std::min(end, v + kLanes), turns);
+    }
+  };
   ISOMATCH_RETURN_IF_ERROR(
-      ParallelForVertices(n, stop, [&](VertexIndex v) { FitRotation(v); }));
+      ParallelFor((n + kVerticesPerTask - 1) / kVerticesPerTask, stop, fit));
   has_rotations_ = true;
   Eigen::Matrix3Xd right(3, n);
   ISOMATCH_RETURN_IF_ERROR(ParallelForVertices(n, stop, [&](VertexIndex v) {
-    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    Eigen::Vector4f sum = Eigen::Vector4f::Zero();
+    const Rotation& own = rotations_[v];
     for (const Edge& edge : EdgesOf(v)) {
-      sum += (rotations_[v] + rotations_[edge.to]) * edge.weighted;
+      const Rotation& other = rotations_[edge.to];
+      for (int i = 0; i < 3; ++i) {
+        sum += edge.weighted[i] * (own.col(i) + other.col(i));
+      }
     }
-    right.col(v) = pull_[v] * targets.row(v).transpose() + 0.5 * scale_ * sum;
+    right.col(v) = pull_[v] * targets.row(v).transpose() +
+                   0.5 * scale_ * sum.head<3>().cast<double>();
   }));
   Solve(&right);
   *positions = right.transpose();
@@ -160,10 +243,11 @@ double DeformableSurface::Energy(const Positions& positions) const {
   const auto n = static_cast<VertexIndex>(rotations_.size());
   for (VertexIndex v = 0; v < n; ++v) {
     for (const Edge& edge : EdgesOf(v)) {
-      const Eigen::Vector3d bent = rotations_[v] * edge.rest;
-      sum += edge.weight *
-             (positions.row(v) - positions.row(edge.to) - bent.transpose())
-                 .squaredNorm();
+      const Eigen::Vector4f bent = rotations_[v] * edge.rest;
+      const Eigen::RowVector3d bent_row = bent.head<3>().cast<double>();
+      sum +=
+          edge.weight *
+          (positions.row(v) - positions.row(edge.to) - bent_row).squaredNorm();
     }
   }
   return 0.5 * sum;

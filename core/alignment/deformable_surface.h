@@ -48,26 +48,34 @@ class DeformableSurface {
   double Energy(const Positions& positions) const;
 
  private:
-  /// An edge at rest, from a vertex to another.
+  /// An edge at rest, from a vertex to another. In single precision, as the
+  /// rotations: what they are fitted to is no more exact.
   struct Edge {
+    Eigen::Vector3f weighted;  ///< rest times weight
     VertexIndex to;
-    double weight;
-    Eigen::Vector3d rest;      ///< the vertex less the other
-    Eigen::Vector3d weighted;  ///< rest times weight
+    Eigen::Vector3f rest;  ///< the vertex less the other
+    float weight;
   };
+  /// Columns padded to a register.
+  using Rotation = Eigen::Matrix<float, 4, 3>;
 
   absl::Span<const Edge> EdgesOf(VertexIndex v) const {
     return absl::MakeConstSpan(edges_).subspan(
         first_edges_[v], first_edges_[v + 1] - first_edges_[v]);
   }
-  void FitRotation(VertexIndex v);
+  /// sum w (V_i - V_j) (P_i - P_j)^T, which the rotation is fitted to.
+  Rotation Covariance(VertexIndex v) const;
+  /// Turns up to kLanes rotations toward the best ones.
+  void FitRotations(VertexIndex begin, VertexIndex end, int turns);
+  /// All of them to the one that is best for the whole surface.
+  void StartRotations();
   void Solve(Eigen::Matrix3Xd* right) const;
 
   std::vector<Edge> edges_;  ///< vertex by vertex
   std::vector<std::size_t> first_edges_;
-  Eigen::Matrix3Xd current_;  ///< positions, for reading one by one
+  Eigen::Matrix4Xf current_;  ///< positions, for reading one by one
   Eigen::SparseMatrix<double> stiffness_;  ///< n x n, of the weights
-  std::vector<Eigen::Matrix3d> rotations_;
+  std::vector<Rotation> rotations_;
   bool has_rotations_ = false;
   Eigen::VectorXd pull_;
   double scale_ = 1;  ///< of the stiffness matrix

@@ -35,6 +35,7 @@ ElasticAlignment::ElasticAlignment(const AlignmentShape& shape_x,
       basis_(std::min<Eigen::Index>(
           {options.basis, shape_x.functions.rows(), shape_y.functions.rows()})),
       surface_(shape_x.mesh, shape_x.laplacian),
+      faces_y_(FacesAroundVertices(shape_y.mesh, shape_y.stars)),
       aligned_(shape_x.mesh),
       y_from_x_(std::move(y_from_x)),
       fixed_(shape_x.mesh.num_vertices(), kNoVertex),
@@ -104,8 +105,7 @@ absl::Status ElasticAlignment::FindPoints(const std::stop_token& stop) {
     const Eigen::RowVector3d aligned = aligned_.positions.row(x);
     const Eigen::RowVector3d wanted =
         fixed ? Eigen::RowVector3d(y_.mesh.positions.row(fixed_[x])) : aligned;
-    points_[x] =
-        NearestOnFaces(y_.mesh, y_.stars.SomeFaces(y_from_x_[x]), wanted);
+    points_[x] = faces_y_[y_from_x_[x]].Nearest(wanted);
     targets_.row(x) = PositionOf(y_.mesh, points_[x]);
     if (!fixed) {
       targets_.row(x) += kOverrelaxation * (targets_.row(x) - aligned);
@@ -141,7 +141,8 @@ absl::Status ElasticAlignment::Run(double stiffness, int rounds,
   for (int round = 0; round < rounds; ++round) {
     ISOMATCH_RETURN_IF_ERROR(PullX(kStepsPerRound, stop));
     DescribeX();
-    DescribeFunctions();
+    // At one stiffness the functional map hardly changes, but for parts.
+    if (round == 0 || options_.carry_x) DescribeFunctions();
     ISOMATCH_RETURN_IF_ERROR(FindAlike(stop));
     ISOMATCH_RETURN_IF_ERROR(FindPoints(stop));
   }

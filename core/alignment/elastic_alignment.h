@@ -9,6 +9,7 @@
 #include "core/alignment/deformable_surface.h"
 #include "core/base/nearest_columns.h"
 #include "core/base/vertex_index.h"
+#include "core/mesh/face_lanes.h"
 #include "core/mesh/surface_point.h"
 #include "core/mesh/triangle_mesh.h"
 #include "core/mesh/vertex_stars.h"
@@ -110,8 +111,9 @@ class ElasticAlignment {
   const AlignmentOptions options_;
   const Eigen::Index basis_;
   DeformableSurface surface_;
-  TriangleMesh aligned_;  ///< X laid on Y
-  Positions normals_;     ///< of aligned_
+  const std::vector<FaceLanes> faces_y_;  ///< around each vertex
+  TriangleMesh aligned_;                  ///< X laid on Y
+  Positions normals_;                     ///< of aligned_
   VertexMap y_from_x_;
   VertexMap fixed_;                   ///< images of landmarks, else kNoVertex
   std::vector<SurfacePoint> points_;  ///< nearest in space, around the image

@@ -1,9 +1,12 @@
 #include "core/alignment/deformable_surface.h"
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include <gtest/gtest.h>
 #include <Eigen/Geometry>
+#include <Eigen/SVD>
 
 #include "tests/support/matchers.h"
 #include "tests/support/shapes.h"
@@ -42,8 +45,53 @@ TEST_F(DeformableSurfaceTest, RigidMotionsCostNothing) {
       Eigen::RowVector3d(3, -1, 2);
   ASSERT_THAT(surface_.SetPull(laplacian_.mass, 1), IsOk());
   const Positions positions = After(moved, 2);
-  EXPECT_LT((positions - moved).cwiseAbs().maxCoeff(), 1e-9);
-  EXPECT_NEAR(surface_.Energy(positions), 0, 1e-12);
+  // But for rotations in single precision.
+  EXPECT_LT((positions - moved).cwiseAbs().maxCoeff(), 1e-6);
+  EXPECT_NEAR(surface_.Energy(positions), 0, 1e-11);
+}
+
+TEST_F(DeformableSurfaceTest, AHalfTurnIsFound) {
+  // From no rotation nothing says which way round.
+  const Positions turned =
+      mesh_.positions * Eigen::Vector3d(-1, -1, 1).asDiagonal();
+  ASSERT_THAT(surface_.SetPull(laplacian_.mass, 1), IsOk());
+  const Positions positions = After(turned, 1);
+  EXPECT_LT((positions - turned).cwiseAbs().maxCoeff(), 1e-5);
+  EXPECT_NEAR(surface_.Energy(positions), 0, 1e-9);
+}
+
+TEST_F(DeformableSurfaceTest, NoRotationsFitBetterThanThoseOfSingularValues) {
+  Positions bent = mesh_.positions * SomeRotation().transpose();
+  for (Eigen::Index v = 0; v < bent.rows(); ++v) {
+    bent(v, 1) += 0.8 * std::sin(4 * bent(v, 0));
+    bent(v, 2) *= 1.5;
+  }
+  ASSERT_THAT(surface_.SetPull(laplacian_.mass, 1), IsOk());
+  Positions moved = bent;
+  ASSERT_THAT(surface_.Step(bent, {}, &moved), IsOk());
+  double least = 0;
+  for (VertexIndex v = 0; v < mesh_.num_vertices(); ++v) {
+    Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+    double free = 0;
+    using Entry = Eigen::SparseMatrix<double>::InnerIterator;
+    for (Entry entry(laplacian_.stiffness, v); entry; ++entry) {
+      if (entry.row() == v) continue;
+      const double weight = std::clamp(-entry.value(), 0.01, 10.0);
+      const Eigen::RowVector3d now = bent.row(v) - bent.row(entry.row());
+      const Eigen::RowVector3d rest =
+          mesh_.positions.row(v) - mesh_.positions.row(entry.row());
+      covariance += weight * now.transpose() * rest;
+      free += weight * (now.squaredNorm() + rest.squaredNorm());
+    }
+    const Eigen::JacobiSVD<Eigen::Matrix3d> svd(
+        covariance, Eigen::ComputeFullU | Eigen::ComputeFullV);
+    const double sign =
+        (svd.matrixU() * svd.matrixV().transpose()).determinant();
+    const Eigen::Vector3d singular = svd.singularValues();
+    least += 0.5 * (free - 2 * (singular[0] + singular[1] +
+                                (sign < 0 ? -1 : 1) * singular[2]));
+  }
+  EXPECT_NEAR(surface_.Energy(bent), least, 1e-3 * least);
 }
 
 TEST_F(DeformableSurfaceTest, StretchingCosts) {
