@@ -15,32 +15,7 @@ constexpr int kAnchors = 24;
 constexpr double kReachInEdges = 2;
 constexpr double kLargestAreaRatio = 1000;
 
-using Fields = std::vector<std::vector<float>>;
-
-/// One distance field a source; what is out of reach lies at the largest
-/// distance there is.
-absl::StatusOr<Fields> FieldsOf(const DistanceFieldSolver& solver,
-                                absl::Span<const VertexIndex> sources,
-                                const std::stop_token& stop) {
-  Fields fields(sources.size());
-  ISOMATCH_RETURN_IF_ERROR(ParallelFor(
-      static_cast<std::int64_t>(sources.size()), stop, [&](std::int64_t i) {
-        DistanceFieldSolver::Workspace workspace;
-        fields[i].resize(solver.num_vertices());
-        solver.Solve(sources[i], fields[i].data(), 1, &workspace);
-      }));
-  float largest = 0;
-  for (const auto& field : fields) {
-    for (const float d : field) {
-      if (d < kUnreachable) largest = std::max(largest, d);
-    }
-  }
-  for (auto& field : fields) {
-    for (float& d : field) d = std::min(d, largest);
-  }
-  return fields;
-}
-
+/// What is out of reach lies there.
 float LargestReached(const BasisPoints& basis, int count) {
   float largest = 0;
   for (VertexIndex v = 0; v < basis.num_vertices(); ++v) {
@@ -66,9 +41,11 @@ absl::Status MeasureDistances(const BasisPoints& basis_x,
     anchors.push_back(a);
     images.push_back(map.y_from_x[anchor]);
   }
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const BasisPoints basis_y,
+      BasisPoints::Create(solver_y, images, nullptr, stop));
   const float largest_x = LargestReached(basis_x, most);
-  ISOMATCH_ASSIGN_OR_RETURN(const Fields on_y,
-                            FieldsOf(solver_y, images, stop));
+  const float largest_y = LargestReached(basis_y, basis_y.num_points());
   measures->distortions.assign(map.y_from_x.size(), -1);
   double sum = 0;
   std::int64_t count = 0;
@@ -77,9 +54,10 @@ absl::Status MeasureDistances(const BasisPoints& basis_x,
     const auto vertex = static_cast<VertexIndex>(x);
     if (!map.Has(vertex)) continue;
     const float* const on_x = basis_x.Profile(vertex);
+    const float* const on_y = basis_y.Profile(map.y_from_x[x]);
     for (std::size_t a = 0; a < anchors.size(); ++a) {
       differences[a] = std::abs(std::min(on_x[anchors[a]], largest_x) -
-                                on_y[a][map.y_from_x[x]]);
+                                std::min(on_y[a], largest_y));
       sum += differences[a];
     }
     count += static_cast<std::int64_t>(anchors.size());

@@ -1,5 +1,6 @@
 #include "core/matching/dense_map.h"
 
+#include <cstdint>
 #include <vector>
 
 #include "core/base/nearest_columns.h"
@@ -10,15 +11,18 @@
 namespace isomatch {
 namespace {
 
+/// Samples a side that are compared; closeness has one valley around there.
+constexpr std::int64_t kSamples = 1500;
+
 /// Closeness of every vertex, one a column, to the matched ones.
 absl::StatusOr<PointColumns> ClosenessColumns(
     const Closeness& closeness, const std::vector<VertexIndex>& matched,
     const std::stop_token& stop) {
   const VertexIndex n = closeness.basis().num_vertices();
   PointColumns columns(matched.size(), n);
-  ISOMATCH_RETURN_IF_ERROR(ParallelForVertices(n, stop, [&](VertexIndex v) {
-    closeness.Row(v, matched, columns.col(v).data());
-  }));
+  const ClosenessRows rows(closeness, matched);
+  ISOMATCH_RETURN_IF_ERROR(ParallelForVertices(
+      n, stop, [&](VertexIndex v) { rows.Row(v, columns.col(v).data()); }));
   return columns;
 }
 
@@ -37,8 +41,8 @@ absl::StatusOr<VertexMap> DenseMapFromMatches(
                             ClosenessColumns(x.closeness, matched_x, stop));
   ISOMATCH_ASSIGN_OR_RETURN(const PointColumns columns_y,
                             ClosenessColumns(y.closeness, matched_y, stop));
-  return NearestOnSurface({x.stars, x.areas, columns_x},
-                          {y.stars, y.areas, columns_y}, stop);
+  return NearestBySamples({x.stars, x.areas, columns_x},
+                          {y.stars, y.areas, columns_y}, kSamples, stop);
 }
 
 }  // namespace isomatch

@@ -20,8 +20,10 @@ namespace {
 constexpr int kJudgedRounds = 10;
 /// Rounds between two stiffnesses.
 constexpr int kRoundsPerStiffness = 2;
-/// Scales of the wavelet filter.
+/// Scales of the wavelet filter, and the samples a side by which the map behind
+/// it is looked for.
 constexpr int kWaveletScales = 6;
+constexpr std::int64_t kFilterSamples = 1500;
 /// How far DescriptorOffsets looks, and for one of how many vertices: what it
 /// finds is averaged over neighborhoods.
 constexpr double kOffsetReach = 0.12;
@@ -154,8 +156,11 @@ absl::Status CandidateChoice::Filter(VertexMap* y_from_x) const {
         FunctionalMapFromVertexMap(spectral_x, spectral_y, matches, k)
             .cwiseProduct(filter);
     CarryOver(fmap_x_from_y.cast<float>(), y_.functions, carried);
-    ISOMATCH_ASSIGN_OR_RETURN(matches,
-                              NearestOnSurface(points_x, points_y, stop_));
+    // The second map lies near the first one.
+    ISOMATCH_ASSIGN_OR_RETURN(
+        matches,
+        round == 0 ? NearestBySamples(points_x, points_y, kFilterSamples, stop_)
+                   : DescendFromMap(points_x, points_y, *y_from_x, stop_));
     *y_from_x = matches;
   }
   return absl::OkStatus();
