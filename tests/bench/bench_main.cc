@@ -17,8 +17,7 @@ namespace {
 
 struct Arguments {
   PairSelection pairs;
-  SpeedSelection speed = {
-      {1000, 5000, 13000, 50000, 100000, 200000}, "", "", 3};
+  SpeedSelection speed = {.sizes = {1000, 5000, 13000, 50000, 100000, 200000}};
   ServiceSelection service;
   QueueSelection queue;
   int threads = 0;
@@ -94,6 +93,8 @@ CLI::App* AddSpeedCommand(CLI::App* app, Arguments* arguments) {
                       "Instead: the pairs of a folder as for accuracy");
   command->add_option("--filter", arguments->speed.filter,
                       "Only pairs of it whose names contain this");
+  command->add_option("--against", arguments->speed.against,
+                      "Compare with what an earlier run wrote by --out");
   AddMatchOptions(command, arguments);
   command->add_option("--runs", arguments->speed.runs, "The median counts")
       ->check(CLI::Range(1, 100))

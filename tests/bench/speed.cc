@@ -11,6 +11,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "client/files/text_file.h"
@@ -30,6 +31,7 @@
 #include "tests/bench/machine.h"
 #include "tests/bench/own_process.h"
 #include "tests/bench/pair_set.h"
+#include "tests/bench/speed_report.h"
 #include "tests/support/memory_growth.h"
 
 namespace isomatch::bench {
@@ -302,6 +304,21 @@ nlohmann::json PrintKernels() {
   return kernels;
 }
 
+void PrintMean(const nlohmann::json& pairs) {
+  const nlohmann::json mean = MeanOfPairs(pairs);
+  std::printf(
+      "\nmean of %d pairs: %.3f s (processor %.3f), with both prepared "
+      "%.3f s\n  %-18s %9s %9s\n",
+      static_cast<int>(pairs.size()), mean["wall_seconds"].get<double>(),
+      mean["cpu_seconds"].get<double>(),
+      mean["prepared_wall_seconds"].get<double>(), "stage", "wall s", "cpu s");
+  for (const auto& [stage, figures] : mean["stages"].items()) {
+    std::printf("  %-18s %9.3f %9.3f\n", stage.c_str(),
+                figures["wall_seconds"].get<double>(),
+                figures["cpu_seconds"].get<double>());
+  }
+}
+
 using PairSource = std::function<absl::StatusOr<MeshPair>()>;
 
 absl::StatusOr<std::vector<PairSource>> SelectedPairs(
@@ -350,6 +367,15 @@ absl::Status RunSpeed(const SpeedSelection& selection,
                       const std::string& out_path) {
   ISOMATCH_ASSIGN_OR_RETURN(const std::vector<PairSource> sources,
                             SelectedPairs(selection));
+  if (sources.empty()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("--filter: no pair of ", selection.dir, " contains \"",
+                     selection.filter, "\""));
+  }
+  nlohmann::json kept;
+  if (!selection.against.empty()) {
+    ISOMATCH_ASSIGN_OR_RETURN(kept, ReadSpeedReport(selection.against));
+  }
   std::printf(
       "profile %s, %s threads, instruction set %s, median of %d runs\n",
       ProfileName(options.profile),
@@ -364,12 +390,12 @@ absl::Status RunSpeed(const SpeedSelection& selection,
       MeasurePairs(sources, selection.runs, options, kernels));
   const double time = Exponent(pairs, "wall_seconds");
   const double memory = Exponent(pairs, "peak_bytes");
-  if (time != 0) {
+  if (selection.dir.empty() && time != 0) {
     std::printf(
         "\nfrom %d vertices on: time grows as n^%.2f, memory as n^%.2f\n",
         kFittedFrom, time, memory);
   }
-  if (out_path.empty()) return absl::OkStatus();
+  if (!selection.dir.empty()) PrintMean(pairs);
   const nlohmann::json report = {{"profile", ProfileName(options.profile)},
                                  {"threads", options.threads},
                                  {"instruction_set", InstructionSet()},
@@ -378,6 +404,10 @@ absl::Status RunSpeed(const SpeedSelection& selection,
                                  {"memory_exponent", memory},
                                  {"kernels", std::move(kernels)},
                                  {"pairs", std::move(pairs)}};
+  if (!selection.against.empty()) {
+    std::printf("\n%s", ComparisonText(report, kept).c_str());
+  }
+  if (out_path.empty()) return absl::OkStatus();
   return WriteFileAtomically(out_path, report.dump(2) + "\n");
 }
 
