@@ -29,16 +29,16 @@ std::vector<VertexIndex> FacesAround(const VertexStars& stars,
 
 }  // namespace
 
-Embedding EmbedInItself(const StarredMesh& surface) {
-  Embedding embedding = {surface.mesh.faces, {}};
+std::vector<SurfacePoint> EmbedInItself(const StarredMesh& surface) {
+  std::vector<SurfacePoint> points;
   for (VertexIndex v = 0; v < surface.mesh.num_vertices(); ++v) {
     SurfacePoint point = {surface.stars.Faces(v).front()};
     for (int corner = 0; corner < 3; ++corner) {
       point.weights[corner] = surface.mesh.faces(point.face, corner) == v;
     }
-    embedding.points.push_back(point);
+    points.push_back(point);
   }
-  return embedding;
+  return points;
 }
 
 VertexMap NearestByEdges(const VertexStars& fine_stars, VertexIndex num_fine,
@@ -58,10 +58,9 @@ VertexMap NearestByEdges(const VertexStars& fine_stars, VertexIndex num_fine,
   return nearest;
 }
 
-absl::StatusOr<Embedding> EmbedInCoarse(const StarredMesh& fine,
-                                        const CoarseSurface& surface,
-                                        const VertexMap& starts,
-                                        const std::stop_token& stop) {
+absl::StatusOr<std::vector<SurfacePoint>> EmbedInCoarse(
+    const StarredMesh& fine, const CoarseSurface& surface,
+    const VertexMap& starts, const std::stop_token& stop) {
   const VertexIndex n = fine.mesh.num_vertices();
   const TriangleMesh coarse = {
       fine.mesh.positions(surface.fine_from_coarse, Eigen::all), surface.faces};
@@ -79,24 +78,18 @@ absl::StatusOr<Embedding> EmbedInCoarse(const StarredMesh& fine,
   const SortedBuckets<VertexIndex> fine_of_coarse(
       n, coarse.num_vertices(), [&](std::int64_t v) { return nearest[v]; },
       [](std::int64_t v) { return static_cast<VertexIndex>(v); });
-  Embedding embedding;
-  embedding.points.resize(n);
+  std::vector<SurfacePoint> points(n);
   const auto embed_around = [&](VertexIndex c) {
     if (fine_of_coarse[c].empty()) return;
     const std::vector<VertexIndex> around = FacesAround(surface.stars, c);
     const FaceLanes faces(coarse, around, c);
     for (const VertexIndex v : fine_of_coarse[c]) {
-      embedding.points[v] = faces.Nearest(fine.mesh.positions.row(v));
+      points[v] = faces.Nearest(fine.mesh.positions.row(v));
     }
   };
   ISOMATCH_RETURN_IF_ERROR(
       ParallelForVertices(coarse.num_vertices(), stop, embed_around));
-  embedding.faces = surface.faces;
-  for (Eigen::Index i = 0; i < embedding.faces.size(); ++i) {
-    embedding.faces.data()[i] =
-        surface.fine_from_coarse[embedding.faces.data()[i]];
-  }
-  return embedding;
+  return points;
 }
 
 }  // namespace isomatch

@@ -16,17 +16,9 @@ struct StarredMesh {
   const VertexStars& stars;
 };
 
-/// The vertices of a mesh as places on a coarser one.
-struct Embedding {
-  /// Faces of the coarse mesh between fine vertices.
-  Faces faces;
-  /// For each fine vertex a point of `faces`.
-  std::vector<SurfacePoint> points;
-};
-
 /// Each vertex as a corner of one of its own faces.
 /// REQUIRES: every vertex is on one.
-Embedding EmbedInItself(const StarredMesh& surface);
+std::vector<SurfacePoint> EmbedInItself(const StarredMesh& surface);
 
 /// A mesh of some vertices of a finer one. References must outlive it.
 struct CoarseSurface {
@@ -35,13 +27,12 @@ struct CoarseSurface {
   const VertexMap& fine_from_coarse;
 };
 
-/// Finds for each vertex of `fine` the nearest point of a coarse mesh around
-/// it; `starts` are coarse vertices near the fine ones. CANCELLED after `stop`.
-/// Time O(n).
-absl::StatusOr<Embedding> EmbedInCoarse(const StarredMesh& fine,
-                                        const CoarseSurface& coarse,
-                                        const VertexMap& starts,
-                                        const std::stop_token& stop);
+/// Finds for each vertex of `fine` the nearest point of a coarse mesh, on its
+/// faces, around it; `starts` are coarse vertices near the fine ones. CANCELLED
+/// after `stop`. Time O(n).
+absl::StatusOr<std::vector<SurfacePoint>> EmbedInCoarse(
+    const StarredMesh& fine, const CoarseSurface& coarse,
+    const VertexMap& starts, const std::stop_token& stop);
 
 /// For each fine vertex the coarse one that the fewest edges lead to;
 /// kNoVertex where none does. Time O(n).

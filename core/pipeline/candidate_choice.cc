@@ -117,14 +117,15 @@ absl::Status CandidateChoice::DescribeAlike() {
   return absl::OkStatus();
 }
 
-/// Moves the images of vertices that are described to the most alike ones
-/// around.
-absl::Status CandidateChoice::MoveToAlike(VertexMap* y_from_x) const {
+/// Moves the images of vertices that are described to the most alike ones in
+/// reach.
+absl::Status CandidateChoice::MoveToAlike(double reach,
+                                          VertexMap* y_from_x) const {
   if (!described()) return absl::OkStatus();
   ISOMATCH_ASSIGN_OR_RETURN(
       const VertexMap alike,
       MatchNearby(*descriptors_[kX], {*descriptors_[kY], surface_y_}, *y_from_x,
-                  {.reach = kAlikeReach}, stop_));
+                  {.reach = reach}, stop_));
   for (std::size_t x = 0; x < alike.size(); ++x) {
     if (alike[x] != kNoVertex) (*y_from_x)[x] = alike[x];
   }
@@ -135,27 +136,25 @@ absl::Status CandidateChoice::MoveToAlike(VertexMap* y_from_x) const {
 /// filter find the smooth map behind those noisy matches. Of parts, whose
 /// functions differ, the alignment has to find it.
 absl::Status CandidateChoice::Filter(VertexMap* y_from_x) const {
-  if (is_part()) return MoveToAlike(y_from_x);
-  const SpectralBasis& spectral_x = *spectral_[kX];
-  const SpectralBasis& spectral_y = *spectral_[kY];
+  if (is_part()) return MoveToAlike(kAlikeReach, y_from_x);
   const auto k = static_cast<int>(x_.functions.rows());
-  const Eigen::MatrixXd filter =
-      WaveletFilter(spectral_x.eigenvalues.head(k),
-                    spectral_y.eigenvalues.head(k), kWaveletScales);
+  const Eigen::MatrixXf filter =
+      WaveletFilter(spectral_[kX]->eigenvalues.head(k),
+                    spectral_[kY]->eigenvalues.head(k), kWaveletScales)
+          .cast<float>();
   PointColumns carried(k, y_.functions.cols());
   const PointsOnSurface points_x = {x_.stars, x_.laplacian.mass, x_.functions};
   const PointsOnSurface points_y = {y_.stars, y_.laplacian.mass, carried};
   VertexMap matches = *y_from_x;
-  if (described() && options_.wavelet_rounds > 0) {
-    ISOMATCH_ASSIGN_OR_RETURN(
-        matches, MatchNearby(*descriptors_[kX], {*descriptors_[kY], surface_y_},
-                             *y_from_x, NearbyMatchOptions(), stop_));
+  if (options_.wavelet_rounds > 0) {
+    ISOMATCH_RETURN_IF_ERROR(MoveToAlike(NearbyMatchOptions().reach, &matches));
   }
   for (int round = 0; round < options_.wavelet_rounds; ++round) {
-    const Eigen::MatrixXd fmap_x_from_y =
-        FunctionalMapFromVertexMap(spectral_x, spectral_y, matches, k)
+    const Eigen::MatrixXf fmap_x_from_y =
+        DenseFunctionalMap(x_.functions, x_.laplacian.mass, y_.functions,
+                           matches)
             .cwiseProduct(filter);
-    CarryOver(fmap_x_from_y.cast<float>(), y_.functions, carried);
+    CarryOver(fmap_x_from_y, y_.functions, carried);
     // The second map lies near the first one.
     ISOMATCH_ASSIGN_OR_RETURN(
         matches,

@@ -69,7 +69,7 @@ class CandidateChoice {
 
  private:
   absl::Status DescribeAlike();
-  absl::Status MoveToAlike(VertexMap* y_from_x) const;
+  absl::Status MoveToAlike(double reach, VertexMap* y_from_x) const;
   absl::Status Filter(VertexMap* y_from_x) const;
   absl::Status RunRounds(int begin, int end,
                          const std::function<void(double)>& progress,

@@ -33,7 +33,7 @@ VertexIndex NearestCorner(const Faces& faces, const SurfacePoint& point) {
 /// The solved vertex that stands for one of all.
 VertexIndex SolvedVertex(const PreparedMesh& shape, VertexIndex v) {
   return shape.coarse ? NearestCorner(shape.coarse->working.mesh.faces,
-                                      shape.coarse->embedding.points[v])
+                                      shape.coarse->embedding[v])
                       : v;
 }
 

@@ -6,6 +6,7 @@
 #include "core/base/parallel.h"
 #include "core/base/status_macros.h"
 #include "core/mesh/connected_ball.h"
+#include "core/mesh/embedding.h"
 #include "core/mesh/mesh_geometry.h"
 #include "core/mesh/surface_samples.h"
 
@@ -44,26 +45,24 @@ VertexIndex ToFull(const PreparedMesh& shape, VertexIndex solved) {
   return shape.coarse ? shape.coarse->full_from_coarse[solved] : solved;
 }
 
-/// Where the solved vertices of X go, by full vertex of X, and the full vertex
-/// of Y next to that.
+/// Where the solved vertices of X go, and the full vertex of Y next to that.
 struct Images {
   Positions places;
   VertexMap vertices;
 };
 
-Images ImagesOf(const PreparedMesh& x, const PreparedMesh& y,
+Images ImagesOf(const PreparedMesh& y,
                 const std::vector<SurfacePoint>& points) {
-  const VertexIndex n = x.full.mesh.num_vertices();
-  Images images = {Positions::Zero(n, 3), VertexMap(n, kNoVertex)};
+  const auto n = static_cast<Eigen::Index>(points.size());
+  Images images = {Positions::Zero(n, 3), VertexMap(points.size())};
   const Faces& faces = y.solved().mesh.faces;
   for (std::size_t c = 0; c < points.size(); ++c) {
-    const VertexIndex v = ToFull(x, static_cast<VertexIndex>(c));
     for (int corner = 0; corner < 3; ++corner) {
-      images.places.row(v) +=
+      images.places.row(static_cast<Eigen::Index>(c)) +=
           points[c].weights[corner] *
           y.full.mesh.positions.row(ToFull(y, faces(points[c].face, corner)));
     }
-    images.vertices[v] = ToFull(y, Nearest(faces, points[c]));
+    images.vertices[c] = ToFull(y, Nearest(faces, points[c]));
   }
   return images;
 }
@@ -100,21 +99,23 @@ absl::Status FollowLandmarks(const PreparedMesh& x, const PreparedMesh& y,
   return absl::OkStatus();
 }
 
-/// X's full mesh laid on that of Y.
+/// X's full mesh laid on that of Y. `places`: of the solved vertices.
 absl::StatusOr<TriangleMesh> LayOut(const PreparedMesh& x,
-                                    const Embedding& embedding,
+                                    const std::vector<SurfacePoint>& embedding,
                                     const Positions& places,
                                     const std::stop_token& stop) {
-  const Faces& faces = embedding.faces;
-  const Positions& rest = x.full.mesh.positions;
+  const Faces& faces = x.solved().mesh.faces;
+  const Positions& all = x.full.mesh.positions;
+  const Positions rest =
+      x.coarse ? Positions(all(x.coarse->full_from_coarse, Eigen::all)) : all;
   const Positions normals = VertexNormals({rest, faces});
   const Positions laid_normals = VertexNormals({places, faces});
-  TriangleMesh laid_out = {Positions(rest.rows(), 3), x.full.mesh.faces};
+  TriangleMesh laid_out = {Positions(all.rows(), 3), x.full.mesh.faces};
   ISOMATCH_RETURN_IF_ERROR(
       ParallelForVertices(x.full.mesh.num_vertices(), stop, [&](VertexIndex v) {
-        const SurfacePoint& point = embedding.points[v];
+        const SurfacePoint& point = embedding[v];
         const Eigen::RowVector3d beside =
-            rest.row(v) - Interpolated(rest, faces, point);
+            all.row(v) - Interpolated(rest, faces, point);
         const double height = beside.dot(Interpolated(normals, faces, point));
         laid_out.positions.row(v) =
             Interpolated(places, faces, point) +
@@ -127,9 +128,10 @@ absl::StatusOr<TriangleMesh> LayOut(const PreparedMesh& x,
 
 std::vector<SurfacePoint> PointsAtVertices(const WorkingMesh& mesh,
                                            const VertexMap& vertices) {
-  const Embedding itself = EmbedInItself({mesh.mesh, mesh.stars});
+  const std::vector<SurfacePoint> itself =
+      EmbedInItself({mesh.mesh, mesh.stars});
   std::vector<SurfacePoint> points;
-  for (const VertexIndex v : vertices) points.push_back(itself.points[v]);
+  for (const VertexIndex v : vertices) points.push_back(itself[v]);
   return points;
 }
 
@@ -139,9 +141,11 @@ absl::StatusOr<LiftedMap> LiftMap(const PreparedMesh& x, const PreparedMesh& y,
                                   const std::stop_token& stop) {
   const VertexIndex n = x.full.mesh.num_vertices();
   const StarredMesh full_x = {x.full.mesh, x.full.stars};
-  const Embedding itself = x.coarse ? Embedding() : EmbedInItself(full_x);
-  const Embedding& embedding = x.coarse ? x.coarse->embedding : itself;
-  const Images images = ImagesOf(x, y, points);
+  const std::vector<SurfacePoint> itself =
+      x.coarse ? std::vector<SurfacePoint>() : EmbedInItself(full_x);
+  const std::vector<SurfacePoint>& embedding =
+      x.coarse ? x.coarse->embedding : itself;
+  const Images images = ImagesOf(y, points);
   ISOMATCH_ASSIGN_OR_RETURN(TriangleMesh laid_out,
                             LayOut(x, embedding, images.places, stop));
   ISOMATCH_RETURN_IF_ERROR(
@@ -159,7 +163,7 @@ absl::StatusOr<LiftedMap> LiftMap(const PreparedMesh& x, const PreparedMesh& y,
   const PointsOnSurface to = {y.full.stars, no_areas, columns_y};
   VertexMap before(n);
   ISOMATCH_RETURN_IF_ERROR(ParallelForVertices(n, stop, [&](VertexIndex v) {
-    const VertexIndex corner = Nearest(embedding.faces, embedding.points[v]);
+    const VertexIndex corner = Nearest(x.solved().mesh.faces, embedding[v]);
     before[v] = DescendOverEdges(from, to, v, images.vertices[corner], {});
   }));
   LiftedMap lifted = {{}, std::vector<SurfacePoint>(n)};

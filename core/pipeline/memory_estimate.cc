@@ -107,7 +107,7 @@ ShapeBytes BytesOf(MeshSize mesh, std::int64_t num_landmarks,
   const double alignments = options.alignment_rounds > 0 ? 2 : 0;
   bytes.features = alignments * 4 * n * (count + 6);
   bytes.surface = alignments *
-                  (700 * n + 40 * m + 12 * n * 3 * std::log2(std::max(n, 2.0)));
+                  (1150 * n + 40 * m + 12 * n * 3 * std::log2(std::max(n, 2.0)));
   return bytes;
 }
 

@@ -14,6 +14,7 @@
 #include "core/geodesic/farthest_point_sampling.h"
 #include "core/mesh/clean_mesh.h"
 #include "core/mesh/decimation.h"
+#include "core/mesh/embedding.h"
 #include "core/mesh/mesh_geometry.h"
 #include "core/mesh/nearest_vertices.h"
 #include "core/mesh/spatial_order.h"
@@ -298,9 +299,7 @@ void Reflect(PreparedMesh* prepared) {
   ReflectMesh(&prepared->full);
   if (!prepared->coarse) return;
   ReflectMesh(&prepared->coarse->working);
-  Faces& faces = prepared->coarse->embedding.faces;
-  faces.col(1).swap(faces.col(2));
-  for (SurfacePoint& point : prepared->coarse->embedding.points) {
+  for (SurfacePoint& point : prepared->coarse->embedding) {
     std::swap(point.weights[1], point.weights[2]);
   }
 }

@@ -12,7 +12,7 @@
 #include "core/geodesic/basis_points.h"
 #include "core/geodesic/distance_field_solver.h"
 #include "core/mesh/clean_mesh.h"
-#include "core/mesh/embedding.h"
+#include "core/mesh/surface_point.h"
 #include "core/mesh/triangle_mesh.h"
 #include "core/mesh/vertex_stars.h"
 #include "core/pipeline/match_options.h"
@@ -46,7 +46,8 @@ struct CoarseLevel {
   /// As any working mesh, from and to the user's vertices.
   WorkingMesh working;
   VertexMap full_from_coarse;
-  Embedding embedding;  ///< of the full mesh's vertices
+  /// Of each vertex of the full mesh the nearest point of this one.
+  std::vector<SurfacePoint> embedding;
 };
 
 /// Returns a mesh made ready: without components of less than a twentieth of

@@ -13,7 +13,7 @@ float ValueAt(const PreparedMesh& x, const Eigen::VectorXd& values,
               VertexIndex v) {
   if (!x.coarse) return static_cast<float>(values[v]);
   return static_cast<float>(Interpolated(values, x.coarse->working.mesh.faces,
-                                         x.coarse->embedding.points[v])[0]);
+                                         x.coarse->embedding[v])[0]);
 }
 
 }  // namespace

@@ -28,7 +28,8 @@ constexpr double kAllCovered = 0.97;
 constexpr double kEqualArea = 1.2;
 /// What is less confident is looked for again: an overlap so many times with
 /// other random seeds, a part of unknown scale once, at the next scale.
-constexpr double kSurelyGrown = 0.55;
+constexpr double kSureOverlap = 0.55;
+constexpr double kSureScale = 0.58;
 constexpr int kMoreSeeds = 2;
 /// How much less confident maps may be that leave less out.
 constexpr double kWholeBonus = 0.04;
@@ -143,8 +144,10 @@ bool IsSurelyWhole(const Correspondence& found) {
 
 /// Whether another try may find a better map.
 bool IsWorthMore(const absl::StatusOr<Correspondence>& found) {
-  return found.ok() ? found->quality.mean_confidence < kSurelyGrown
-                    : absl::IsFailedPrecondition(found.status());
+  if (!found.ok()) return absl::IsFailedPrecondition(found.status());
+  const bool overlaps = found->relation == Relation::kOverlap;
+  return found->quality.mean_confidence <
+         (overlaps ? kSureOverlap : kSureScale);
 }
 
 /// Keeps the best of what is found.

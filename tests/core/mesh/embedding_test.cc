@@ -12,7 +12,8 @@ namespace {
 
 class EmbeddingTest : public testing::Test {
  protected:
-  absl::StatusOr<Embedding> Embed(const std::stop_token& stop = {}) const {
+  absl::StatusOr<std::vector<SurfacePoint>> Embed(
+      const std::stop_token& stop = {}) const {
     return EmbedInCoarse({fine_, fine_stars_},
                          {coarse_.mesh.faces, VertexStars(coarse_.mesh),
                           coarse_.fine_from_coarse},
@@ -31,12 +32,11 @@ TEST_F(EmbeddingTest, FindsTheNearestPointOfAllFaces) {
   ASSERT_THAT(embedding, IsOk());
   std::vector<VertexIndex> all_faces(coarse_.mesh.num_faces());
   for (VertexIndex f = 0; f < coarse_.mesh.num_faces(); ++f) all_faces[f] = f;
-  const TriangleMesh surface = {fine_.positions, embedding->faces};
   int exact = 0;
   for (VertexIndex v = 0; v < fine_.num_vertices(); ++v) {
     const Eigen::RowVector3d position = fine_.positions.row(v);
     const double found =
-        (PositionOf(surface, embedding->points[v]) - position).norm();
+        (PositionOf(coarse_.mesh, (*embedding)[v]) - position).norm();
     const double least =
         (PositionOf(coarse_.mesh,
                     NearestOnFaces(coarse_.mesh, all_faces, position)) -
@@ -51,19 +51,19 @@ TEST_F(EmbeddingTest, FindsTheNearestPointOfAllFaces) {
 TEST_F(EmbeddingTest, SharedVerticesLieAtThemselves) {
   const auto embedding = Embed();
   ASSERT_THAT(embedding, IsOk());
-  const TriangleMesh surface = {fine_.positions, embedding->faces};
   for (const VertexIndex v : coarse_.fine_from_coarse) {
     EXPECT_LT(
-        (PositionOf(surface, embedding->points[v]) - fine_.positions.row(v))
+        (PositionOf(coarse_.mesh, (*embedding)[v]) - fine_.positions.row(v))
             .norm(),
         1e-7);
   }
 }
 
 TEST_F(EmbeddingTest, InItselfEveryVertexIsACorner) {
-  const Embedding embedding = EmbedInItself({fine_, fine_stars_});
+  const std::vector<SurfacePoint> embedding =
+      EmbedInItself({fine_, fine_stars_});
   for (VertexIndex v = 0; v < fine_.num_vertices(); ++v) {
-    EXPECT_EQ(PositionOf(fine_, embedding.points[v]), fine_.positions.row(v));
+    EXPECT_EQ(PositionOf(fine_, embedding[v]), fine_.positions.row(v));
   }
 }
 

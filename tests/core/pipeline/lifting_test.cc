@@ -33,8 +33,7 @@ class LiftingTest : public testing::Test {
   std::vector<SurfacePoint> TruePoints() const {
     std::vector<SurfacePoint> points;
     for (const VertexIndex user : x_.solved().user_from_working) {
-      points.push_back(
-          y_.coarse->embedding.points[y_.full.working_from_user[user]]);
+      points.push_back(y_.coarse->embedding[y_.full.working_from_user[user]]);
     }
     return points;
   }
@@ -84,7 +83,7 @@ TEST_F(LiftingTest, WorksToAndFromAMeshThatIsNotDecimated) {
             x_.full.user_from_working[v];
   }
   EXPECT_GE(same, 0.9 * x_.full.mesh.num_vertices());
-  const std::vector<SurfacePoint>& places = x_.coarse->embedding.points;
+  const std::vector<SurfacePoint>& places = x_.coarse->embedding;
   std::vector<SurfacePoint> from_whole_points;
   for (const VertexIndex user : whole.full.user_from_working) {
     from_whole_points.push_back(places[x_.full.working_from_user[user]]);
