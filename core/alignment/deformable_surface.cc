@@ -158,8 +158,8 @@ void DeformableSurface::FitRotations(VertexIndex begin, VertexIndex end,
   }
 }
 
-/// From there most turns are small, and none is hopeless, as one by 180 degrees
-/// from no rotation would be.
+/// From there most turns are small; from no rotation one by 180 degrees would
+/// not know which way round.
 void DeformableSurface::StartRotations() {
   Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
   for (VertexIndex v = 0; v < std::ssize(rotations_); ++v) {

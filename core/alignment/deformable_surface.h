@@ -37,9 +37,9 @@ class DeformableSurface {
   /// and factorizes. INTERNAL when that fails. Time as a sparse Cholesky.
   absl::Status SetPull(const Eigen::VectorXd& pull, double stiffness);
 
-  /// One alternation: best rotations for *positions, then best positions for
-  /// those. REQUIRES: SetPull, n x 3 both. CANCELLED after `stop`. Time O(n)
-  /// and a solve.
+  /// One alternation: best rotations for *positions, but for a thousandth, then
+  /// best positions for those. REQUIRES: SetPull, n x 3 both. CANCELLED after
+  /// `stop`. Time O(n) and a solve.
   absl::Status Step(const Positions& targets, const std::stop_token& stop,
                     Positions* positions);
 

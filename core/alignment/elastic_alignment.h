@@ -53,9 +53,10 @@ struct AlignmentScore {
 /// Refines a dense map by laying the surface of X elastically on that of Y: X
 /// bends freely and stretches under resistance toward where the map sends it;
 /// the map is then found anew as the most alike point in space, normal and
-/// eigenfunctions (carried over by the functional map of the current map), and
-/// so on. Eigenfunctions keep limbs apart that touch in space; positions and
-/// normals see detail that no low frequencies show. In spirit of smooth shells
+/// eigenfunctions (carried over by the functional map of the current map, of
+/// whole shapes by that of the first round at a stiffness), and so on.
+/// Eigenfunctions keep limbs apart that touch in space; positions and normals
+/// see detail that no low frequencies show. In spirit of smooth shells
 /// (Eisenberger, Laehner, Cremers, CVPR 2020) and of non-rigid ICP.
 ///
 /// Not in the paper. Deterministic at any thread count. Not thread-safe.

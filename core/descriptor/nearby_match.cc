@@ -17,7 +17,8 @@ constexpr std::size_t kProbes = 600;
 /// Entries of a descriptor that are compared at a time.
 constexpr int kPart = 88;
 constexpr int kHistograms = kShotSize / kShotCosines;
-static_assert(kPart % kLanes == 0 && kHistograms % kLanes == 0);
+static_assert(kShotSize % kPart == 0 && kPart % kLanes == 0 &&
+              kHistograms % kLanes == 0);
 
 /// REQUIRES: count is a multiple of kLanes.
 float SquaredDifference(const float* a, const float* b, int count) {

@@ -15,7 +15,7 @@ constexpr int kAnchors = 24;
 constexpr double kReachInEdges = 2;
 constexpr double kLargestAreaRatio = 1000;
 
-/// What is out of reach lies there.
+/// The largest distance there is; what is out of reach is taken to lie there.
 float LargestReached(const BasisPoints& basis, int count) {
   float largest = 0;
   for (VertexIndex v = 0; v < basis.num_vertices(); ++v) {

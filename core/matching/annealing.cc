@@ -59,11 +59,11 @@ SwapCounts SwapPhase(const SwapOptions& options, double temperature,
     const int j = DrawPartner(*matching, options.neighbors, i, random);
     if (std::min(i, j) < matching->pinned()) continue;
     const double change = matching->SwapChange(i, j);
-    if (change >= -kRounding) {
+    if (!(change < -kRounding)) {
       if (temperature == 0) continue;
       const double drawn = random->Unit();
       if (change > kHopeless * temperature ||
-          drawn >= std::exp(-change / temperature)) {
+          !(drawn < std::exp(-change / temperature))) {
         continue;
       }
     }

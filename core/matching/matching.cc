@@ -160,8 +160,10 @@ void Matching::OfferNear(int i, std::size_t listed, int other) {
 }
 
 void Matching::ListNearestOnX(int count) {
-  if (static_cast<std::size_t>(count) != near_count_) {
-    near_count_ = count;
+  const auto wanted = static_cast<std::size_t>(
+      std::clamp(count, 1, std::max(capacity_ - 1, 1)));
+  if (wanted != near_count_) {
+    near_count_ = wanted;
     near_listed_ = 0;
     near_.resize(near_count_ * capacity_);
     near_closeness_.resize(near_count_ * capacity_);
@@ -216,26 +218,20 @@ void Matching::RelocateChanges(int i, const std::vector<int>& ys,
                                std::vector<float>* changes) const {
   const float* const on_x = closeness_[kX].row(i).data();
   const float* const on_y = closeness_[kY].row(i).data();
-  // Of the match itself, and beyond the last, both are the same.
-  Lanes before = {};
-  for (int j = 0; j < size(); j += kLanes) {
-    before += AbsLanes(LoadLanes(on_x + j) - LoadLanes(on_y + j));
-  }
-  const float now = SumOfLanes(before);
   changes->resize(ys.size());
   for (std::size_t first = 0; first < ys.size(); first += kLanes) {
     const std::size_t count = std::min<std::size_t>(kLanes, ys.size() - first);
     std::array<int, kLanes> at;
     at.fill(ys[first]);
     std::copy_n(ys.begin() + first, count, at.begin());
-    Lanes after = {};
+    // Term by term, so that what changes nothing is 0.
+    Lanes sums = {};
     for (int j = 0; j < size(); ++j) {
       if (j == i) continue;
-      after += AbsLanes(GatherLanes(rows_[kY][j], at.data()) - on_x[j]);
+      sums += AbsLanes(GatherLanes(rows_[kY][j], at.data()) - on_x[j]) -
+              std::abs(on_x[j] - on_y[j]);
     }
-    for (std::size_t t = 0; t < count; ++t) {
-      (*changes)[first + t] = after[t] - now;
-    }
+    for (std::size_t t = 0; t < count; ++t) (*changes)[first + t] = sums[t];
   }
   for (float& change : *changes) change *= 2;  // each pair counts twice
   if (costs_ == nullptr) return;

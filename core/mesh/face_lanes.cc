@@ -36,18 +36,21 @@ FaceLanes::FaceLanes(const TriangleMesh& mesh,
     : origin_(mesh.positions.row(vertex)),
       groups_((faces.size() + kLanes - 1) / kLanes) {
   for (std::size_t i = 0; i < faces.size(); ++i) {
-    SetLane(mesh, faces[i], vertex, static_cast<int>(i % kLanes),
-            &groups_[i / kLanes]);
+    SetLane(mesh, faces[i], static_cast<int>(i % kLanes), &groups_[i / kLanes]);
   }
   for (std::size_t i = faces.size(); i < groups_.size() * kLanes; ++i) {
     groups_.back().corner[0][i % kLanes] = kFarAway;
   }
 }
 
-void FaceLanes::SetLane(const TriangleMesh& mesh, VertexIndex face,
-                        VertexIndex vertex, int lane, Group* group) const {
-  int corner = 2;
-  while (corner > 0 && mesh.faces(face, corner) != vertex) --corner;
+void FaceLanes::SetLane(const TriangleMesh& mesh, VertexIndex face, int lane,
+                        Group* group) const {
+  // From far away a distance would be the rounding of large products.
+  Eigen::Index corner = 0;
+  (mesh.positions(mesh.faces.row(face), Eigen::all).rowwise() - origin_)
+      .rowwise()
+      .squaredNorm()
+      .minCoeff(&corner);
   const Eigen::RowVector3d from = mesh.positions.row(mesh.faces(face, corner));
   const auto side_to = [&](int steps) -> Eigen::RowVector3d {
     return mesh.positions.row(mesh.faces(face, (corner + steps) % 3)) - from;
@@ -75,13 +78,15 @@ void FaceLanes::SetLane(const TriangleMesh& mesh, VertexIndex face,
         squared[i] > 0 ? static_cast<float>(1 / squared[i]) : 0;
   }
   group->faces[lane] = face;
-  group->corners[lane] = corner;
+  group->corners[lane] = static_cast<int>(corner);
 }
 
 SurfacePoint FaceLanes::Nearest(const Eigen::RowVector3d& position) const {
   const Eigen::RowVector3f offset = (position - origin_).cast<float>();
   const Lanes none = {};
-  SurfacePoint nearest;
+  // What it stays where no distance is a number.
+  SurfacePoint nearest = {groups_.front().faces[0]};
+  nearest.weights[groups_.front().corners[0]] = 1;
   float least = std::numeric_limits<float>::infinity();
   for (const Group& group : groups_) {
     const LaneVector w = {offset[0] - group.corner[0],

@@ -22,13 +22,15 @@ class FaceLanes {
   FaceLanes(const TriangleMesh& mesh, absl::Span<const VertexIndex> faces,
             VertexIndex vertex);
 
-  /// The point nearest to `position` on any of the faces, ties by order; the
-  /// vertex exactly where that is the position. REQUIRES: at least one face.
+  /// The point nearest to `position` on any of the faces, ties by order; of
+  /// faces at the vertex that exactly, where it is the position. REQUIRES: at
+  /// least one face.
   SurfacePoint Nearest(const Eigen::RowVector3d& position) const;
 
  private:
-  /// Up to kLanes faces, each with its sides u and v from a corner, which is
-  /// the vertex where it is one. Lanes beyond the last lie far away.
+  /// Up to kLanes faces, each with its sides u and v from the corner next to
+  /// the vertex, which is the vertex itself where that is one. Lanes beyond the
+  /// last lie far away.
   struct Group {
     LaneVector corner = {};
     LaneVector u = {};
@@ -43,14 +45,15 @@ class FaceLanes {
     std::array<int, kLanes> corners = {};  ///< of each face, which it is
   };
 
-  void SetLane(const TriangleMesh& mesh, VertexIndex face, VertexIndex vertex,
-               int lane, Group* group) const;
+  void SetLane(const TriangleMesh& mesh, VertexIndex face, int lane,
+               Group* group) const;
 
   const Eigen::RowVector3d origin_;
   std::vector<Group> groups_;
 };
 
-/// Of each vertex those of stars.SomeFaces. Memory: 700 bytes a vertex.
+/// Of each vertex those of stars.SomeFaces. Memory: 700 bytes for each eight
+/// faces of a vertex or fewer.
 std::vector<FaceLanes> FacesAroundVertices(const TriangleMesh& mesh,
                                            const VertexStars& stars);
 

@@ -9,18 +9,18 @@ namespace isomatch {
 namespace {
 
 /// Normal of a face, twice its area long.
-Eigen::RowVector3d DoubleAreaNormal(const TriangleMesh& mesh,
-                                    VertexIndex face) {
-  const Eigen::RowVector3d a = mesh.positions.row(mesh.faces(face, 0));
-  const Eigen::RowVector3d b = mesh.positions.row(mesh.faces(face, 1));
-  const Eigen::RowVector3d c = mesh.positions.row(mesh.faces(face, 2));
+Eigen::RowVector3d DoubleAreaNormal(const Positions& positions,
+                                    const Faces& faces, VertexIndex face) {
+  const Eigen::RowVector3d a = positions.row(faces(face, 0));
+  const Eigen::RowVector3d b = positions.row(faces(face, 1));
+  const Eigen::RowVector3d c = positions.row(faces(face, 2));
   return (b - a).cross(c - a);
 }
 
 }  // namespace
 
 double FaceArea(const TriangleMesh& mesh, VertexIndex face) {
-  return 0.5 * DoubleAreaNormal(mesh, face).norm();
+  return 0.5 * DoubleAreaNormal(mesh.positions, mesh.faces, face).norm();
 }
 
 FaceExtent ExtentOf(const TriangleMesh& mesh, VertexIndex face) {
@@ -45,19 +45,23 @@ double SurfaceArea(const TriangleMesh& mesh) {
   return area;
 }
 
-Positions VertexNormals(const TriangleMesh& mesh) {
-  Positions normals = Positions::Zero(mesh.num_vertices(), 3);
-  for (VertexIndex f = 0; f < mesh.num_faces(); ++f) {
-    const Eigen::RowVector3d normal = DoubleAreaNormal(mesh, f);
+Positions VertexNormals(const Positions& positions, const Faces& faces) {
+  Positions normals = Positions::Zero(positions.rows(), 3);
+  for (VertexIndex f = 0; f < faces.rows(); ++f) {
+    const Eigen::RowVector3d normal = DoubleAreaNormal(positions, faces, f);
     for (int corner = 0; corner < 3; ++corner) {
-      normals.row(mesh.faces(f, corner)) += normal;
+      normals.row(faces(f, corner)) += normal;
     }
   }
-  for (VertexIndex v = 0; v < mesh.num_vertices(); ++v) {
+  for (Eigen::Index v = 0; v < normals.rows(); ++v) {
     const double length = normals.row(v).norm();
     if (length > 0) normals.row(v) /= length;
   }
   return normals;
+}
+
+Positions VertexNormals(const TriangleMesh& mesh) {
+  return VertexNormals(mesh.positions, mesh.faces);
 }
 
 double SignedVolume6(const TriangleMesh& mesh, VertexIndex face,

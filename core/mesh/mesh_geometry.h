@@ -17,6 +17,7 @@ double SurfaceArea(const TriangleMesh& mesh);
 /// Returns n x 3 unit vectors: at each vertex the normalized sum of its faces'
 /// normals weighted by area. Zero where the faces cancel out or there are none.
 Positions VertexNormals(const TriangleMesh& mesh);
+Positions VertexNormals(const Positions& positions, const Faces& faces);
 
 /// How long a face is at its longest edge, and how high over that; mesh units.
 struct FaceExtent {

@@ -210,8 +210,7 @@ std::vector<VertexIndex> NonManifoldVertices(const TriangleMesh& mesh,
     if (fans[v] > 1) found.push_back(v);
   }
   if (found.empty()) return found;
-  // Fans that share a non-manifold edge, or a face that repeats a vertex, are
-  // one.
+  // Fans that share a non-manifold edge are one.
   const VertexStars stars(mesh);
   std::erase_if(found,
                 [&](VertexIndex v) { return HasOneFan(mesh, stars, v); });

@@ -63,7 +63,8 @@ std::vector<int> LargeComponents(const TriangleMesh& mesh,
                                  const Components& components);
 
 /// The vertices at which two or more fans of faces meet that share no edge
-/// there, by number. `edges`: of its faces. Time O(m).
+/// there, by number. `edges`: of its faces, none of which repeats a vertex.
+/// Time O(m).
 std::vector<VertexIndex> NonManifoldVertices(const TriangleMesh& mesh,
                                              const EdgeFaces& edges);
 

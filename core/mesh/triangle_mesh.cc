@@ -39,8 +39,8 @@ absl::Status CheckFaces(const TriangleMesh& mesh, const std::string& field) {
   return absl::OkStatus();
 }
 
-/// What EdgeFaces can number.
-constexpr VertexIndex kMostFaces = std::numeric_limits<VertexIndex>::max() / 3;
+/// What EdgeFaces and VertexStars can number: six neighbors a face at most.
+constexpr VertexIndex kMostFaces = std::numeric_limits<VertexIndex>::max() / 6;
 /// Faces that medians are taken over, at even steps.
 constexpr VertexIndex kSampledFaces = 1 << 12;
 

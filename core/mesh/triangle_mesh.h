@@ -30,13 +30,13 @@ struct TriangleMesh {
 };
 
 /// Returns OK when the mesh can be worked on: it has a face of positive area,
-/// every coordinate is finite, every face index names a vertex, and the core's
-/// numbers hold its proportions: no vertex on a face lies farther from the
-/// middle (of each axis, the median) than 10^7 median edges, 10^6 times the
-/// square root of the area, or 10^70 units. Otherwise INVALID_ARGUMENT, whose
-/// message begins with `field` and says which vertex or face, what was found
-/// and what was expected. Does not depend on where the mesh lies. Time
-/// O(n + m).
+/// every coordinate is finite, every face index names a vertex, there are at
+/// most 2^31 / 6 faces, and the core's numbers hold its proportions: no vertex
+/// on a face lies farther from the middle (of each axis, the median) than 10^7
+/// median edges, 10^6 times the square root of the area, or 10^70 units.
+/// Otherwise INVALID_ARGUMENT, whose message begins with `field` and says which
+/// vertex or face, what was found and what was expected. Does not depend on
+/// where the mesh lies. Time O(n + m).
 absl::Status ValidateMesh(const TriangleMesh& mesh, const std::string& field);
 
 }  // namespace isomatch

@@ -47,7 +47,7 @@ VertexStars::VertexStars(const TriangleMesh& mesh) {
   }
   for (VertexIndex v = 0; v < n; ++v) first_face_[v + 1] += first_face_[v];
   faces_.resize(mesh.faces.size());
-  std::vector<std::int64_t> next(first_face_.begin(), first_face_.end() - 1);
+  std::vector<std::int32_t> next(first_face_.begin(), first_face_.end() - 1);
   for (VertexIndex f = 0; f < mesh.num_faces(); ++f) {
     for (int corner = 0; corner < 3; ++corner) {
       faces_[next[mesh.faces(f, corner)]++] = f;
@@ -64,7 +64,7 @@ VertexStars::VertexStars(const TriangleMesh& mesh) {
     }
     SortUnique(&around);
     neighbors_.insert(neighbors_.end(), around.begin(), around.end());
-    first_neighbor_.push_back(static_cast<std::int64_t>(neighbors_.size()));
+    first_neighbor_.push_back(static_cast<std::int32_t>(neighbors_.size()));
     if (std::max(Faces(v).size(), around.size()) > kSome) {
       some_of_hubs_[v] = {AtEvenSteps(Faces(v), kSome),
                           AtEvenSteps(around, kSome)};

@@ -16,6 +16,7 @@ namespace isomatch {
 class VertexStars {
  public:
   VertexStars() = default;
+  /// REQUIRES: no more faces than ValidateMesh lets pass.
   explicit VertexStars(const TriangleMesh& mesh);
 
   /// By increasing face.
@@ -51,14 +52,14 @@ class VertexStars {
 
   static absl::Span<const VertexIndex> Slice(
       const std::vector<VertexIndex>& all,
-      const std::vector<std::int64_t>& first, VertexIndex v) {
+      const std::vector<std::int32_t>& first, VertexIndex v) {
     return absl::MakeConstSpan(all).subspan(first[v], first[v + 1] - first[v]);
   }
 
   std::vector<VertexIndex> faces_;
   std::vector<VertexIndex> neighbors_;
-  std::vector<std::int64_t> first_face_;
-  std::vector<std::int64_t> first_neighbor_;
+  std::vector<std::int32_t> first_face_;
+  std::vector<std::int32_t> first_neighbor_;
   std::unordered_map<VertexIndex, Hub> some_of_hubs_;
 };
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <utility>
 
@@ -132,6 +133,20 @@ absl::Status CandidateChoice::MoveToAlike(double reach,
   return absl::OkStatus();
 }
 
+/// Of X, of the vertices that are described alone where there are any, as much
+/// as all have.
+Eigen::VectorXd CandidateChoice::DescribedMass() const {
+  const Eigen::VectorXd& mass = x_.laplacian.mass;
+  if (!described() || std::ssize(descriptors_[kX]->vertices) == mass.size()) {
+    return mass;
+  }
+  Eigen::VectorXd of_described = Eigen::VectorXd::Zero(mass.size());
+  for (const VertexIndex v : descriptors_[kX]->vertices) {
+    of_described[v] = mass[v];
+  }
+  return of_described * (mass.sum() / of_described.sum());
+}
+
 /// Looks for the most alike vertices near the images, then lets the wavelet
 /// filter find the smooth map behind those noisy matches. Of parts, whose
 /// functions differ, the alignment has to find it.
@@ -150,9 +165,10 @@ absl::Status CandidateChoice::Filter(VertexMap* y_from_x) const {
     ISOMATCH_RETURN_IF_ERROR(MoveToAlike(NearbyMatchOptions().reach, &matches));
   }
   for (int round = 0; round < options_.wavelet_rounds; ++round) {
+    const Eigen::VectorXd mass =
+        round == 0 ? DescribedMass() : x_.laplacian.mass;
     const Eigen::MatrixXf fmap_x_from_y =
-        DenseFunctionalMap(x_.functions, x_.laplacian.mass, y_.functions,
-                           matches)
+        DenseFunctionalMap(x_.functions, mass, y_.functions, matches)
             .cwiseProduct(filter);
     CarryOver(fmap_x_from_y, y_.functions, carried);
     // The second map lies near the first one.

@@ -70,6 +70,7 @@ class CandidateChoice {
  private:
   absl::Status DescribeAlike();
   absl::Status MoveToAlike(double reach, VertexMap* y_from_x) const;
+  Eigen::VectorXd DescribedMass() const;
   absl::Status Filter(VertexMap* y_from_x) const;
   absl::Status RunRounds(int begin, int end,
                          const std::function<void(double)>& progress,

@@ -99,29 +99,54 @@ absl::Status FollowLandmarks(const PreparedMesh& x, const PreparedMesh& y,
   return absl::OkStatus();
 }
 
-/// X's full mesh laid on that of Y. `places`: of the solved vertices.
-absl::StatusOr<TriangleMesh> LayOut(const PreparedMesh& x,
-                                    const std::vector<SurfacePoint>& embedding,
-                                    const Positions& places,
-                                    const std::stop_token& stop) {
+/// Where X's full mesh lies on that of Y. `places`: of the solved vertices.
+absl::StatusOr<Positions> LayOut(const PreparedMesh& x,
+                                 const std::vector<SurfacePoint>& embedding,
+                                 const Positions& places,
+                                 const std::stop_token& stop) {
   const Faces& faces = x.solved().mesh.faces;
   const Positions& all = x.full.mesh.positions;
   const Positions rest =
       x.coarse ? Positions(all(x.coarse->full_from_coarse, Eigen::all)) : all;
-  const Positions normals = VertexNormals({rest, faces});
-  const Positions laid_normals = VertexNormals({places, faces});
-  TriangleMesh laid_out = {Positions(all.rows(), 3), x.full.mesh.faces};
+  const Positions normals = VertexNormals(rest, faces);
+  const Positions laid_normals = VertexNormals(places, faces);
+  Positions laid_out(all.rows(), 3);
   ISOMATCH_RETURN_IF_ERROR(
       ParallelForVertices(x.full.mesh.num_vertices(), stop, [&](VertexIndex v) {
         const SurfacePoint& point = embedding[v];
         const Eigen::RowVector3d beside =
             all.row(v) - Interpolated(rest, faces, point);
         const double height = beside.dot(Interpolated(normals, faces, point));
-        laid_out.positions.row(v) =
-            Interpolated(places, faces, point) +
-            height * Interpolated(laid_normals, faces, point);
+        laid_out.row(v) = Interpolated(places, faces, point) +
+                          height * Interpolated(laid_normals, faces, point);
       }));
   return laid_out;
+}
+
+/// The vertex of Y nearest to each of X as it is laid out, from where the
+/// corner of its coarse face went.
+absl::StatusOr<VertexMap> NearestToLaidOut(const PreparedMesh& x,
+                                           const PreparedMesh& y,
+                                           const Positions& laid_out,
+                                           const VertexMap& starts,
+                                           const std::stop_token& stop) {
+  // Normals only where they mean something.
+  const bool oriented = x.full.oriented && y.full.oriented;
+  const PointColumns columns_x =
+      oriented ? Describe(laid_out, VertexNormals(laid_out, x.full.mesh.faces))
+               : Describe(laid_out);
+  const PointColumns columns_y =
+      oriented ? Describe(y.full.mesh.positions, y.full.normals)
+               : Describe(y.full.mesh.positions);
+  const Eigen::VectorXd no_areas;
+  const PointsOnSurface from = {x.full.stars, no_areas, columns_x};
+  const PointsOnSurface to = {y.full.stars, no_areas, columns_y};
+  VertexMap before(starts.size());
+  const auto n = static_cast<VertexIndex>(starts.size());
+  ISOMATCH_RETURN_IF_ERROR(ParallelForVertices(n, stop, [&](VertexIndex v) {
+    before[v] = DescendOverEdges(from, to, v, starts[v], {});
+  }));
+  return DescendFromMap(from, to, before, stop);
 }
 
 }  // namespace
@@ -146,33 +171,21 @@ absl::StatusOr<LiftedMap> LiftMap(const PreparedMesh& x, const PreparedMesh& y,
   const std::vector<SurfacePoint>& embedding =
       x.coarse ? x.coarse->embedding : itself;
   const Images images = ImagesOf(y, points);
-  ISOMATCH_ASSIGN_OR_RETURN(TriangleMesh laid_out,
+  ISOMATCH_ASSIGN_OR_RETURN(Positions laid_out,
                             LayOut(x, embedding, images.places, stop));
-  ISOMATCH_RETURN_IF_ERROR(
-      FollowLandmarks(x, y, landmarks, stop, &laid_out.positions));
-  // Normals only where they mean something.
-  const bool oriented = x.full.oriented && y.full.oriented;
-  const PointColumns columns_x =
-      oriented ? Describe(laid_out.positions, VertexNormals(laid_out))
-               : Describe(laid_out.positions);
-  const PointColumns columns_y =
-      oriented ? Describe(y.full.mesh.positions, y.full.normals)
-               : Describe(y.full.mesh.positions);
-  const Eigen::VectorXd no_areas;
-  const PointsOnSurface from = {x.full.stars, no_areas, columns_x};
-  const PointsOnSurface to = {y.full.stars, no_areas, columns_y};
-  VertexMap before(n);
-  ISOMATCH_RETURN_IF_ERROR(ParallelForVertices(n, stop, [&](VertexIndex v) {
-    const VertexIndex corner = Nearest(x.solved().mesh.faces, embedding[v]);
-    before[v] = DescendOverEdges(from, to, v, images.vertices[corner], {});
-  }));
-  LiftedMap lifted = {{}, std::vector<SurfacePoint>(n)};
+  ISOMATCH_RETURN_IF_ERROR(FollowLandmarks(x, y, landmarks, stop, &laid_out));
+  VertexMap starts(n);
+  for (VertexIndex v = 0; v < n; ++v) {
+    starts[v] = images.vertices[Nearest(x.solved().mesh.faces, embedding[v])];
+  }
+  LiftedMap lifted;
   ISOMATCH_ASSIGN_OR_RETURN(lifted.y_from_x,
-                            DescendFromMap(from, to, before, stop));
+                            NearestToLaidOut(x, y, laid_out, starts, stop));
+  lifted.points.resize(n);
   ISOMATCH_RETURN_IF_ERROR(ParallelForVertices(n, stop, [&](VertexIndex v) {
     lifted.points[v] =
         NearestOnFaces(y.full.mesh, y.full.stars.SomeFaces(lifted.y_from_x[v]),
-                       laid_out.positions.row(v));
+                       laid_out.row(v));
   }));
   return lifted;
 }

@@ -415,6 +415,10 @@ class MatchRun {
 
   absl::Status Finish() {
     progress_.Begin(Stage::kQuality);
+    // The map is lifted by Y's normals alone, and needs the memory.
+    if (part_ == nullptr && own_x_ != nullptr && own_x_->coarse) {
+      own_x_->full.normals.resize(0, 3);
+    }
     ISOMATCH_RETURN_IF_ERROR(
         Conclude({shapes_, user_landmarks_, candidates_, alignment_.get(),
                   offsets_, part_ == nullptr ? 1 : part_->scale},

@@ -106,8 +106,8 @@ ShapeBytes BytesOf(MeshSize mesh, std::int64_t num_landmarks,
   // Two alignments at once: the best yet and the one under judgment.
   const double alignments = options.alignment_rounds > 0 ? 2 : 0;
   bytes.features = alignments * 4 * n * (count + 6);
-  bytes.surface = alignments *
-                  (1150 * n + 40 * m + 12 * n * 3 * std::log2(std::max(n, 2.0)));
+  bytes.surface = alignments * (1150 * n + 40 * m +
+                                12 * n * 3 * std::log2(std::max(n, 2.0)));
   return bytes;
 }
 
@@ -115,7 +115,8 @@ ShapeBytes BytesOf(MeshSize mesh, std::int64_t num_landmarks,
 double MatchingBytes(MeshSize x, MeshSize y, std::int64_t num_landmarks,
                      const MatchOptions& options, double threads) {
   const double matches = FirstStageMatches(num_landmarks, options);
-  double each = 8 * matches * matches + 400 * matches;
+  double each = 8 * matches * matches + 400 * matches +
+                8 * matches * std::min<double>(options.swap_neighbors, matches);
   for (const MeshSize mesh : {x, y}) {
     const double pool = PoolSize(mesh, num_landmarks, options);
     each += 32 * pool;

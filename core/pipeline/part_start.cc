@@ -174,6 +174,7 @@ class StartSearch {
     ISOMATCH_ASSIGN_OR_RETURN(
         pool_y_,
         PointPool::Create(closeness_y_, of_y_.vertices, control_.stop));
+    ISOMATCH_RETURN_IF_ERROR(pool_y_.ListNearest(control_.stop));
     ISOMATCH_ASSIGN_OR_RETURN(const std::vector<double> scales, Scales());
     for (std::size_t i = 0; i < scales.size(); ++i) {
       ISOMATCH_RETURN_IF_ERROR(GrowAt(scales[i]));

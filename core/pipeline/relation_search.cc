@@ -26,11 +26,11 @@ constexpr double kLargerPart = 1.25;
 constexpr double kSurelyWhole = 0.72;
 constexpr double kAllCovered = 0.97;
 constexpr double kEqualArea = 1.2;
-/// What is less confident is looked for again: an overlap so many times with
-/// other random seeds, a part of unknown scale once, at the next scale.
+/// What is less confident is looked for again: an overlap with other random
+/// seeds, a part of unknown scale at the next scale, then with another seed.
 constexpr double kSureOverlap = 0.55;
 constexpr double kSureScale = 0.58;
-constexpr int kMoreSeeds = 2;
+constexpr int kMoreTries = 2;
 /// How much less confident maps may be that leave less out.
 constexpr double kWholeBonus = 0.04;
 constexpr double kPartBonus = 0.015;
@@ -85,11 +85,6 @@ MatchOptions OptionsAs(Relation relation, const MatchOptions& options) {
   if (relation == Relation::kWhole) chosen.scale = LengthScale::kAuto;
   if (relation == Relation::kOverlap) chosen.scale = LengthScale::kSame;
   return chosen;
-}
-
-int MoreTries(const MatchOptions& options) {
-  if (!options.IsTriedAgain()) return 0;
-  return options.relation == Relation::kOverlap ? kMoreSeeds : 1;
 }
 
 /// Makes one series of the reports of several matches: the preparation is
@@ -206,13 +201,11 @@ class RelationSearch {
     absl::StatusOr<Correspondence> best = match_(options, joined_.OfNext());
     // A part without a map has none at another scale.
     const bool may_be_better = best.ok() || relation == Relation::kOverlap;
-    const int more = may_be_better ? MoreTries(options) : 0;
+    const int more = may_be_better && options.IsTriedAgain() ? kMoreTries : 0;
     for (int i = 0; i < more && IsWorthMore(best); ++i) {
-      if (relation == Relation::kOverlap) {
-        ++options.random_seed;
-      } else {
-        options.next_scale = true;
-      }
+      const bool at_next_scale = relation != Relation::kOverlap && i == 0;
+      options.next_scale = at_next_scale;
+      if (!at_next_scale) ++options.random_seed;
       absl::StatusOr<Correspondence> other = match_(options, joined_.OfNext());
       if (absl::IsFailedPrecondition(other.status())) continue;
       if (!other.ok() || !best.ok() ||
@@ -271,7 +264,8 @@ int MostTries(const ShapeOutline& x, const ShapeOutline& y,
   int tries = 0;
   for (const auto* relations : {&order.likely, &order.unlikely}) {
     for (const Relation relation : *relations) {
-      tries += 1 + MoreTries(OptionsAs(relation, options));
+      tries += 1;
+      if (OptionsAs(relation, options).IsTriedAgain()) tries += kMoreTries;
     }
   }
   return tries;

@@ -404,11 +404,14 @@ absl::Status RunSpeed(const SpeedSelection& selection,
                                  {"memory_exponent", memory},
                                  {"kernels", std::move(kernels)},
                                  {"pairs", std::move(pairs)}};
+  if (!out_path.empty()) {
+    ISOMATCH_RETURN_IF_ERROR(
+        WriteFileAtomically(out_path, report.dump(2) + "\n"));
+  }
   if (!selection.against.empty()) {
     std::printf("\n%s", ComparisonText(report, kept).c_str());
   }
-  if (out_path.empty()) return absl::OkStatus();
-  return WriteFileAtomically(out_path, report.dump(2) + "\n");
+  return absl::OkStatus();
 }
 
 }  // namespace isomatch::bench

@@ -14,6 +14,8 @@ namespace {
 constexpr const char* kFigures[] = {"wall_seconds", "cpu_seconds",
                                     "prepared_wall_seconds"};
 
+constexpr const char* kSettings[] = {"profile", "threads", "instruction_set"};
+
 std::string NameOf(const nlohmann::json& pair) {
   return absl::StrCat(pair.at("pair").get<std::string>(), ", ",
                       pair.at("vertices").get<int>());
@@ -48,14 +50,30 @@ std::pair<nlohmann::json, nlohmann::json> CommonPairs(
   return common;
 }
 
+bool IsReport(const nlohmann::json& report) {
+  if (!report.is_object() || !report.contains("pairs")) return false;
+  for (const char* setting : kSettings) {
+    if (!report.contains(setting)) return false;
+  }
+  for (const nlohmann::json& pair : report["pairs"]) {
+    if (!pair.is_object() || !pair.contains("pair") ||
+        !pair.contains("vertices") || !pair.contains("stages")) {
+      return false;
+    }
+    for (const char* figure : kFigures) {
+      if (!pair.contains(figure)) return false;
+    }
+  }
+  return true;
+}
+
 }  // namespace
 
 absl::StatusOr<nlohmann::json> ReadSpeedReport(const std::string& path) {
   ISOMATCH_ASSIGN_OR_RETURN(const std::string text,
                             ReadFile(path, "the kept run"));
   nlohmann::json report = nlohmann::json::parse(text, nullptr, false);
-  if (!report.is_object() || !report.contains("pairs") ||
-      !report.contains("kernels")) {
+  if (!IsReport(report)) {
     return absl::InvalidArgumentError(absl::StrCat(
         path, ": expected what `speed --out` writes, found something else"));
   }
@@ -82,7 +100,7 @@ nlohmann::json MeanOfPairs(const nlohmann::json& pairs) {
 std::string ComparisonText(const nlohmann::json& now,
                            const nlohmann::json& before) {
   std::string text;
-  for (const char* setting : {"profile", "threads", "instruction_set"}) {
+  for (const char* setting : kSettings) {
     if (now.at(setting) == before.at(setting)) continue;
     absl::StrAppend(&text, "not alike: ", setting, " ", now.at(setting).dump(),
                     ", before ", before.at(setting).dump(), "\n");

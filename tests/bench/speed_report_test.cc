@@ -66,7 +66,7 @@ TEST(SpeedReportTest, OtherFilesAreRefused) {
   const std::string path = folder.Path("kept.json");
   EXPECT_THAT(ReadSpeedReport(path),
               StatusIs(absl::StatusCode::kNotFound, HasSubstr("kept.json")));
-  for (const char* text : {"{}", "[1, 2]", "pairs"}) {
+  for (const char* text : {"{}", "[1, 2]", "pairs", "{\"pairs\": []}"}) {
     std::ofstream(path) << text;
     EXPECT_THAT(ReadSpeedReport(path),
                 StatusIs(absl::StatusCode::kInvalidArgument,

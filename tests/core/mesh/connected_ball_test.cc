@@ -43,6 +43,23 @@ TEST(ConnectedBallTest, OnAPlaneHoldsAllThatIsNear) {
   }
 }
 
+TEST(ConnectedBallTest, WhatWasAskedLastIsNotTakenForSomethingElse) {
+  const TriangleMesh mesh = PlaneGrid(20, 20, 1, 1);
+  const VertexStars stars(mesh);
+  const Eigen::Matrix4Xf positions = BallPositions(mesh.positions);
+  ConnectedBall ball(positions, stars);
+  const auto count = [&](VertexIndex center, double radius) {
+    return ball.Around(center, radius).size();
+  };
+  const std::size_t small = count(220, 0.1);
+  const std::size_t large = count(220, 0.2);
+  EXPECT_GT(large, 3 * small);
+  EXPECT_EQ(count(220, 0.2), large);
+  EXPECT_EQ(count(220, 0.1), small);
+  EXPECT_LT(count(0, 0.1), small);
+  EXPECT_EQ(count(220, 0.1), small);
+}
+
 TEST(ConnectedBallTest, LeavesOutASheetThatOnlyLiesNear) {
   const TriangleMesh sheet = PlaneGrid(10, 10, 1, 1);
   TriangleMesh raised = sheet;

@@ -1,6 +1,7 @@
 #include "core/mesh/face_lanes.h"
 
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <vector>
 
@@ -86,6 +87,29 @@ TEST(FaceLanesTest, SliversAndFacesWithoutAreaCountAsTheirSides) {
   line.faces.resize(1, 3);
   line.faces << 0, 1, 2;
   ExpectNearestAround(line, 3);
+}
+
+TEST(FaceLanesTest, ALongFaceBesideTheVertexIsNoNearerThanItLies) {
+  // A needle whose first corner is far away passes by the vertex.
+  TriangleMesh mesh;
+  mesh.positions.resize(4, 3);
+  mesh.positions << 0, 0, 0, 1000, 0.2, 0, 0.1, 0.2, 0, 0.1, 0.3, 0;
+  mesh.faces.resize(1, 3);
+  mesh.faces << 1, 3, 2;
+  const Eigen::RowVector3d position(0.05, 0.1, 0.02);
+  const SurfacePoint found = FaceLanes(mesh, {0}, 0).Nearest(position);
+  EXPECT_LT((PositionOf(mesh, found) - mesh.positions.row(2)).norm(), 1e-4);
+}
+
+TEST(FaceLanesTest, ThereIsAPointWhateverThePosition) {
+  const TriangleMesh mesh = BumpySphere(1);
+  const FaceLanes around = FacesAroundVertices(mesh, VertexStars(mesh))[7];
+  for (const double far :
+       {1e30, -1e300, std::numeric_limits<double>::quiet_NaN()}) {
+    const SurfacePoint found = around.Nearest({far, 0, 0});
+    ASSERT_GE(found.face, 0);
+    EXPECT_NEAR(found.weights.sum(), 1, 1e-6);
+  }
 }
 
 TEST(FaceLanesTest, AVertexIsItsOwnNearest) {

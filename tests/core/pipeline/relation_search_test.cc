@@ -216,10 +216,12 @@ TEST_F(RelationSearchTest, APartOfUnknownScaleIsTriedAtTheNextOne) {
     EXPECT_THAT(seeds_, ElementsAre(1, 1));
     better_at_next_scale_ = -0.1;
     EXPECT_NEAR(Find(kOpen, kOpen)->quality.mean_confidence, 0.5, 1e-9);
-    // There may be no other one.
+    // Then with another seed, as where there is no other scale.
+    EXPECT_THAT(next_scales_, ElementsAre(false, true, false));
+    EXPECT_THAT(seeds_, ElementsAre(1, 1, 2));
     no_next_scale_ = true;
     EXPECT_NEAR(Find(kOpen, kOpen)->quality.mean_confidence, 0.5, 1e-9);
-    EXPECT_THAT(next_scales_, ElementsAre(false, true));
+    EXPECT_THAT(next_scales_, ElementsAre(false, true, false));
     no_next_scale_ = false;
     confidence_ = {{part, 0.6}};
     ASSERT_THAT(Find(kOpen, kOpen), IsOk());
