@@ -325,13 +325,13 @@ absl::StatusOr<MatchCost> EstimateCost(
 
 double AboutSeconds(VertexIndex vertices) {
   static constexpr std::array<std::pair<double, double>, 7> kMeasured = {
-      {{1'000, 0.16},
-       {5'000, 0.42},
-       {13'000, 0.46},
-       {50'000, 0.63},
-       {100'000, 0.89},
-       {200'000, 1.4},
-       {1'000'000, 6.7}}};
+      {{1'000, 0.11},
+       {5'000, 0.28},
+       {13'000, 0.30},
+       {50'000, 0.40},
+       {100'000, 0.51},
+       {200'000, 0.76},
+       {1'000'000, 3.5}}};
   const double wanted = std::max<double>(vertices, 1);
   std::size_t upper = 1;
   while (upper + 1 < kMeasured.size() && kMeasured[upper].first < wanted) {

@@ -147,7 +147,7 @@ FullBytes FullBytesOf(MeshSize mesh, const MatchOptions& options) {
   if (!IsDecimated(mesh.vertices, options)) return {};
   const double n = static_cast<double>(mesh.vertices);
   const double m = static_cast<double>(mesh.faces);
-  return {220 * n + 110 * m, 200 * n + 60 * m};
+  return {170 * n + 100 * m, 190 * n + 60 * m};
 }
 
 double Threads(const MatchOptions& options) {

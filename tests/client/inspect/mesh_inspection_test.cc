@@ -277,8 +277,8 @@ TEST(AboutSecondsTest, RisesWithTheVertices) {
     last = AboutSeconds(n);
   }
   // Nearly in proportion beyond the last.
-  EXPECT_GT(last, 25);
-  EXPECT_LT(last, 45);
+  EXPECT_GT(last, 12);
+  EXPECT_LT(last, 30);
 }
 
 TEST(EstimateCostTest, MemoryIsWhatTheServerReserves) {
