@@ -202,6 +202,18 @@ void DeformableSurface::Solve(Eigen::Matrix3Xd* right) const {
   }
 }
 
+Eigen::Vector3d DeformableSurface::RotatedEdges(VertexIndex v) const {
+  Eigen::Vector4f sum = Eigen::Vector4f::Zero();
+  const Rotation& own = rotations_[v];
+  for (const Edge& edge : EdgesOf(v)) {
+    const Rotation& other = rotations_[edge.to];
+    for (int i = 0; i < 3; ++i) {
+      sum += edge.weighted[i] * (own.col(i) + other.col(i));
+    }
+  }
+  return sum.head<3>().cast<double>();
+}
+
 absl::Status DeformableSurface::Step(const Positions& targets,
                                      const std::stop_token& stop,
                                      Positions* positions) {
@@ -222,16 +234,8 @@ absl::Status DeformableSurface::Step(const Positions& targets,
   has_rotations_ = true;
   Eigen::Matrix3Xd right(3, n);
   ISOMATCH_RETURN_IF_ERROR(ParallelForVertices(n, stop, [&](VertexIndex v) {
-    Eigen::Vector4f sum = Eigen::Vector4f::Zero();
-    const Rotation& own = rotations_[v];
-    for (const Edge& edge : EdgesOf(v)) {
-      const Rotation& other = rotations_[edge.to];
-      for (int i = 0; i < 3; ++i) {
-        sum += edge.weighted[i] * (own.col(i) + other.col(i));
-      }
-    }
-    right.col(v) = pull_[v] * targets.row(v).transpose() +
-                   0.5 * scale_ * sum.head<3>().cast<double>();
+    right.col(v) =
+        pull_[v] * targets.row(v).transpose() + 0.5 * scale_ * RotatedEdges(v);
   }));
   Solve(&right);
   *positions = right.transpose();

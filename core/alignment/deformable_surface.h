@@ -69,6 +69,8 @@ class DeformableSurface {
   void FitRotations(VertexIndex begin, VertexIndex end, int turns);
   /// All of them to the one that is best for the whole surface.
   void StartRotations();
+  /// sum w (R_i + R_j) (P_i - P_j).
+  Eigen::Vector3d RotatedEdges(VertexIndex v) const;
   void Solve(Eigen::Matrix3Xd* right) const;
 
   std::vector<Edge> edges_;  ///< vertex by vertex
