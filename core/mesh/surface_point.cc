@@ -79,6 +79,12 @@ Eigen::RowVector3d PositionOf(const TriangleMesh& mesh,
   return Interpolated(mesh.positions, mesh.faces, point);
 }
 
+VertexIndex NearestCorner(const Faces& faces, const SurfacePoint& point) {
+  Eigen::Index corner = 0;
+  point.weights.maxCoeff(&corner);
+  return faces(point.face, corner);
+}
+
 SurfacePoint NearestOnFaces(const TriangleMesh& mesh,
                             absl::Span<const VertexIndex> faces,
                             const Eigen::RowVector3d& position) {

@@ -32,6 +32,10 @@ auto Interpolated(const Values& values, const Faces& faces,
 Eigen::RowVector3d PositionOf(const TriangleMesh& mesh,
                               const SurfacePoint& point);
 
+/// The vertex of the face at which the point has the largest weight, ties by
+/// order. REQUIRES: point.face >= 0.
+VertexIndex NearestCorner(const Faces& faces, const SurfacePoint& point);
+
 /// Returns the point nearest to `position` on any of `faces`, ties by order.
 /// Degenerate faces count as their edges. REQUIRES: at least one face.
 SurfacePoint NearestOnFaces(const TriangleMesh& mesh,

@@ -23,13 +23,6 @@ struct DenseImages {
   std::vector<char> matched;  ///< empty: all
 };
 
-/// The corner of largest weight.
-VertexIndex NearestCorner(const Faces& faces, const SurfacePoint& point) {
-  Eigen::Index corner = 0;
-  point.weights.maxCoeff(&corner);
-  return faces(point.face, corner);
-}
-
 /// The solved vertex that stands for one of all.
 VertexIndex SolvedVertex(const PreparedMesh& shape, VertexIndex v) {
   return shape.coarse ? NearestCorner(shape.coarse->working.mesh.faces,

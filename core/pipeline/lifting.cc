@@ -33,13 +33,6 @@ PointColumns Describe(const Positions& positions) {
   return positions.transpose().cast<float>();
 }
 
-/// Corner of largest weight.
-VertexIndex Nearest(const Faces& faces, const SurfacePoint& point) {
-  Eigen::Index corner = 0;
-  point.weights.maxCoeff(&corner);
-  return faces(point.face, corner);
-}
-
 /// The full vertices of a solved mesh.
 VertexIndex ToFull(const PreparedMesh& shape, VertexIndex solved) {
   return shape.coarse ? shape.coarse->full_from_coarse[solved] : solved;
@@ -62,7 +55,7 @@ Images ImagesOf(const PreparedMesh& y,
           points[c].weights[corner] *
           y.full.mesh.positions.row(ToFull(y, faces(points[c].face, corner)));
     }
-    images.vertices[c] = ToFull(y, Nearest(faces, points[c]));
+    images.vertices[c] = ToFull(y, NearestCorner(faces, points[c]));
   }
   return images;
 }
@@ -176,7 +169,8 @@ absl::StatusOr<LiftedMap> LiftMap(const PreparedMesh& x, const PreparedMesh& y,
   ISOMATCH_RETURN_IF_ERROR(FollowLandmarks(x, y, landmarks, stop, &laid_out));
   VertexMap starts(n);
   for (VertexIndex v = 0; v < n; ++v) {
-    starts[v] = images.vertices[Nearest(x.solved().mesh.faces, embedding[v])];
+    starts[v] =
+        images.vertices[NearestCorner(x.solved().mesh.faces, embedding[v])];
   }
   LiftedMap lifted;
   ISOMATCH_ASSIGN_OR_RETURN(lifted.y_from_x,
