@@ -85,7 +85,7 @@ int BasisSize(const PreparedMesh& x, const PreparedMesh& y,
 
 CandidateChoice::CandidateChoice(const PreparedMesh& x, const PreparedMesh& y,
                                  const MatchOptions& options,
-                                 const std::stop_token& stop)
+                                 const StopTokens& stops)
     : functions_{FunctionColumns(x.spectral, BasisSize(x, y, options)),
                  FunctionColumns(y.spectral, BasisSize(x, y, options))},
       spectral_{&x.spectral, &y.spectral},
@@ -95,12 +95,13 @@ CandidateChoice::CandidateChoice(const PreparedMesh& x, const PreparedMesh& y,
       surface_y_(SurfaceOf(y)),
       oriented_(x.solved().oriented && y.solved().oriented),
       options_(options),
-      stop_(stop),
+      stop_(stops.stop),
+      hurry_(stops.hurry),
       ball_{std::max(x.descriptor_radius, y.descriptor_radius),
             is_part() ? kFacing : ShotBall().least_cosine},
       descriptors_{&x.descriptors, &y.descriptors},
       prepared_radii_{x.descriptor_radius, y.descriptor_radius} {
-  if (is_part()) rule_.emplace(x, y, stop);
+  if (is_part()) rule_.emplace(x, y, stop_);
 }
 
 /// Describes anew, with the larger radius, the mesh that was prepared with a
@@ -190,7 +191,7 @@ absl::Status CandidateChoice::Mask(int round, double stiffness,
   return alignment->Settle(stiffness, kNextSteps, stop_);
 }
 
-absl::Status CandidateChoice::RunRounds(
+absl::StatusOr<int> CandidateChoice::RunRounds(
     int begin, int end, const std::function<void(double)>& progress,
     ElasticAlignment* alignment) const {
   const double fall =
@@ -206,8 +207,9 @@ absl::Status CandidateChoice::RunRounds(
     ISOMATCH_RETURN_IF_ERROR(Mask(round, stiffness, alignment));
     round = next;
     progress(double(round - begin) / (end - begin));
+    if (hurries()) return round;
   }
-  return absl::OkStatus();
+  return end;
 }
 
 absl::Status CandidateChoice::Judge(const ElasticAlignment& alignment,
@@ -307,17 +309,21 @@ absl::StatusOr<std::unique_ptr<ElasticAlignment>> CandidateChoice::Choose(
   const int rounds = std::min(kJudgedRounds, options_.alignment_rounds);
   std::unique_ptr<ElasticAlignment> best;
   double least = std::numeric_limits<double>::infinity();
-  for (std::size_t i = 0; i < candidates->size(); ++i) {
-    Candidate& candidate = (*candidates)[i];
+  std::size_t judged = 0;
+  for (; judged < candidates->size(); ++judged) {
+    if (hurries() && (judged > 0 || !masks())) break;
+    Candidate& candidate = (*candidates)[judged];
     ISOMATCH_RETURN_IF_ERROR(Filter(&candidate.y_from_x));
     candidate.filtered = candidate.y_from_x;
     ISOMATCH_ASSIGN_OR_RETURN(std::unique_ptr<ElasticAlignment> alignment,
                               LayOut(candidate));
     const auto report = [&](double fraction) {
-      progress((double(i) + fraction) /
+      progress((double(judged) + fraction) /
                static_cast<double>(candidates->size()));
     };
-    ISOMATCH_RETURN_IF_ERROR(RunRounds(0, rounds, report, alignment.get()));
+    ISOMATCH_ASSIGN_OR_RETURN(const int done,
+                              RunRounds(0, rounds, report, alignment.get()));
+    if (judged > 0 && done < rounds) break;  // does not compare
     candidate.y_from_x = alignment->y_from_x();
     candidate.matched = alignment->matched();
     ISOMATCH_RETURN_IF_ERROR(Judge(*alignment, &candidate.scores));
@@ -326,6 +332,7 @@ absl::StatusOr<std::unique_ptr<ElasticAlignment>> CandidateChoice::Choose(
       best = std::move(alignment);
     }
   }
+  KeepFirst(std::max<std::size_t>(judged, 1), candidates);
   std::stable_sort(candidates->begin(), candidates->end(),
                    [](const Candidate& a, const Candidate& b) {
                      return a.scores.rank_value < b.scores.rank_value;
@@ -338,7 +345,8 @@ absl::Status CandidateChoice::Finish(
     ElasticAlignment* alignment) const {
   const int begin =
       from_start ? 0 : std::min(kJudgedRounds, options_.alignment_rounds - 1);
-  return RunRounds(begin, options_.alignment_rounds, progress, alignment);
+  return RunRounds(begin, options_.alignment_rounds, progress, alignment)
+      .status();
 }
 
 absl::StatusOr<std::vector<float>> CandidateChoice::DescriptorOffsets(
@@ -366,6 +374,11 @@ void DropMirrored(std::vector<Candidate>* candidates) {
   if (mirrored != candidates->begin()) {
     candidates->erase(mirrored, candidates->end());
   }
+}
+
+void KeepFirst(std::size_t count, std::vector<Candidate>* candidates) {
+  candidates->erase(candidates->begin() + static_cast<std::ptrdiff_t>(count),
+                    candidates->end());
 }
 
 void DropRepeated(const BasisPoints& basis_y,

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -17,6 +18,7 @@
 #include "core/pipeline/counterpart_rule.h"
 #include "core/pipeline/match_options.h"
 #include "core/pipeline/prepared_mesh.h"
+#include "core/pipeline/progress.h"
 
 namespace isomatch {
 
@@ -34,11 +36,11 @@ struct Candidate {
 /// Refines dense maps by descriptors, wavelet filter and elastic alignment, and
 /// chooses among them.
 ///
-/// References and `stop` must outlive it. Not thread-safe.
+/// References and `stops` must outlive it. Not thread-safe.
 class CandidateChoice {
  public:
   CandidateChoice(const PreparedMesh& x, const PreparedMesh& y,
-                  const MatchOptions& options, const std::stop_token& stop);
+                  const MatchOptions& options, const StopTokens& stops);
 
   /// Refines every candidate's dense map and lays it out by the first rounds of
   /// the elastic alignment; completes the scores and multiplies the rank value
@@ -50,13 +52,18 @@ class CandidateChoice {
   /// area, of which unlike places count less, and multiplied by what
   /// CounterpartRule::Misfit says.
   ///
+  /// Once stops.hurry was requested, candidates that are not laid out yet are
+  /// given up, the first one as far as it is; where that is not begun, which of
+  /// an overlap it always is, its dense map stays and nullptr is returned.
+  ///
   /// REQUIRES: at least one candidate, all dense. Errors as ElasticAlignment.
   absl::StatusOr<std::unique_ptr<ElasticAlignment>> Choose(
       const std::function<void(double)>& progress,
       std::vector<Candidate>* candidates);
 
   /// The rounds that Choose has left, at least one; all of them anew when
-  /// `from_start`, as landmarks fixed in between need. REQUIRES: Choose.
+  /// `from_start`, as landmarks fixed in between need. In a hurry no more than
+  /// those of a stiffness. REQUIRES: Choose, which was in none.
   absl::Status Finish(bool from_start,
                       const std::function<void(double)>& progress,
                       ElasticAlignment* alignment) const;
@@ -72,9 +79,10 @@ class CandidateChoice {
   absl::Status MoveToAlike(double reach, VertexMap* y_from_x) const;
   Eigen::VectorXd DescribedMass() const;
   absl::Status Filter(VertexMap* y_from_x) const;
-  absl::Status RunRounds(int begin, int end,
-                         const std::function<void(double)>& progress,
-                         ElasticAlignment* alignment) const;
+  /// Returns how far it came: at `end`, but in a hurry.
+  absl::StatusOr<int> RunRounds(int begin, int end,
+                                const std::function<void(double)>& progress,
+                                ElasticAlignment* alignment) const;
   AlignmentOptions HowAligned() const;
   absl::StatusOr<std::unique_ptr<ElasticAlignment>> LayOut(
       const Candidate& candidate) const;
@@ -85,6 +93,7 @@ class CandidateChoice {
                      MapScores* scores) const;
   absl::Status JudgeOverlap(const ElasticAlignment& alignment,
                             MapScores* scores) const;
+  bool hurries() const { return hurry_.stop_requested(); }
   bool is_part() const { return options_.relation != Relation::kWhole; }
   bool masks() const { return options_.relation == Relation::kOverlap; }
   bool described() const { return oriented_ && options_.descriptor_radius > 0; }
@@ -98,6 +107,7 @@ class CandidateChoice {
   const bool oriented_;
   const MatchOptions& options_;
   const std::stop_token& stop_;
+  const std::stop_token& hurry_;
   const ShotBall ball_;  ///< of the descriptors, sqrt(area)
   /// Descriptors of both shapes with ball_: the prepared ones, or own_.
   std::array<const ShapeDescriptors*, 2> descriptors_;
@@ -108,6 +118,9 @@ class CandidateChoice {
 
 /// Leaves out those with a negative orientation score, unless all have one.
 void DropMirrored(std::vector<Candidate>* candidates);
+
+/// Leaves the first `count`. REQUIRES: there are as many.
+void KeepFirst(std::size_t count, std::vector<Candidate>* candidates);
 
 /// Of those that lead nearly all of X to about the same places on Y, whose
 /// basis is given, leaves the first: what grew in two ways may end as one map,

@@ -193,6 +193,7 @@ class Merger {
           {x.user_from_component[match.x], y.user_from_component[match.y]});
     }
     result_.objective += weight * found.objective;
+    result_.ended_early = result_.ended_early || found.ended_early;
     AddScores(weight, found.scores, &result_.scores);
     MapQuality& quality = result_.quality;
     quality.geodesic_distortion += weight * found.quality.geodesic_distortion;
@@ -396,6 +397,7 @@ absl::StatusOr<Correspondence> MatchByComponents(
       Progress whole = of_component;
       whole.total_fraction = (double(i) + of_component.total_fraction) /
                              static_cast<double>(pairs.size());
+      whole.has_map = of_component.has_map && i + 1 == pairs.size();
       control.progress(whole);
     };
     ISOMATCH_ASSIGN_OR_RETURN(

@@ -110,6 +110,11 @@ struct Correspondence {
   Eigen::MatrixXd functional_map;
   Eigen::VectorXd eigenvalues_x;
   Eigen::VectorXd eigenvalues_y;
+  /// MatchControl::hurry came before the map was refined to the end, compared
+  /// with all of its rivals, or, where the relation was to be found out, with
+  /// the maps of other relations. symmetry_confidence is 0 where rivals were
+  /// not compared.
+  bool ended_early = false;
   /// Sparse matches the dense map was grown from.
   std::vector<VertexMatch> sparse_matches;
   /// Mean k_X k_Y over the pairs of sparse matches (Eq. 4).

@@ -46,11 +46,12 @@ constexpr float kLandmarkTolerance = 0.1f;
 class MatchRun {
  public:
   MatchRun(const MatchInputs& inputs, ProgressReporter* progress,
-           const std::stop_token& stop)
+           const StopTokens& stops)
       : user_landmarks_(inputs.landmarks),
         options_(inputs.options),
         progress_(*progress),
-        stop_(stop),
+        stops_(stops),
+        stop_(stops.stop),
         part_(inputs.part),
         own_x_(inputs.own_x),
         shapes_{&inputs.x, &inputs.y} {}
@@ -317,12 +318,17 @@ class MatchRun {
   absl::Status Dense() {
     if (!options_.dense_from_closeness) return absl::OkStatus();
     progress_.Begin(Stage::kDense);
-    for (Candidate& candidate : candidates_) {
+    std::size_t i = 0;
+    for (; i < candidates_.size() && (i == 0 || !hurries()); ++i) {
       ISOMATCH_ASSIGN_OR_RETURN(
-          candidate.y_from_x,
+          candidates_[i].y_from_x,
           DenseMapFromMatches(DenseSurface(kX), DenseSurface(kY),
-                              candidate.sparse, stop_));
+                              candidates_[i].sparse, stop_));
     }
+    has_unknown_rivals_ = i < candidates_.size();
+    KeepFirst(i, &candidates_);
+    // What of an overlap is matched is known once it is laid out.
+    if (options_.relation != Relation::kOverlap) progress_.FoundMap();
     Keep(Stage::kDense);
     return absl::OkStatus();
   }
@@ -352,9 +358,12 @@ class MatchRun {
       ISOMATCH_RETURN_IF_ERROR(Describe(options_, stop_, own_x_));
       shapes_[kX] = own_x_;
     }
-    choice_.emplace(shape(kX), shape(kY), options_, stop_);
+    choice_.emplace(shape(kX), shape(kY), options_, stops_);
+    const std::size_t found = candidates_.size();
     ISOMATCH_ASSIGN_OR_RETURN(
         alignment_, choice_->Choose(progress_.Share(0, 1), &candidates_));
+    has_unknown_rivals_ = has_unknown_rivals_ || candidates_.size() < found;
+    progress_.FoundMap();
     if (part_ != nullptr && options_.relation != Relation::kOverlap) {
       DropRepeated(shape(kY).hash.basis, &candidates_);
     }
@@ -392,6 +401,8 @@ class MatchRun {
     SettleLandmarks();
     if (options_.alignment_rounds == 0) return absl::OkStatus();
     progress_.Begin(Stage::kAlignment);
+    result_.ended_early = alignment_ == nullptr;  // there was no time for one
+    if (result_.ended_early) return absl::OkStatus();
     std::vector<VertexMatch> kept;
     for (const WorkingLandmark& landmark : landmarks_) {
       if (result_.landmarks[landmark.index].kept) {
@@ -403,8 +414,11 @@ class MatchRun {
           return alignment_->y_from_x()[landmark.x] != landmark.y;
         });
     alignment_->Fix(kept);
-    ISOMATCH_RETURN_IF_ERROR(
-        choice_->Finish(moved, progress_.Share(0, 1), alignment_.get()));
+    if (moved || !hurries()) {
+      ISOMATCH_RETURN_IF_ERROR(
+          choice_->Finish(moved, progress_.Share(0, 1), alignment_.get()));
+    }
+    result_.ended_early = hurries();
     best().y_from_x = alignment_->y_from_x();
     best().matched = alignment_->matched();
     ISOMATCH_ASSIGN_OR_RETURN(offsets_,
@@ -423,9 +437,12 @@ class MatchRun {
         Conclude({shapes_, user_landmarks_, candidates_, alignment_.get(),
                   offsets_, part_ == nullptr ? 1 : part_->scale},
                  options_, stop_, &result_));
+    if (has_unknown_rivals_) result_.symmetry_confidence = 0;
     progress_.Finish();
     return absl::OkStatus();
   }
+
+  bool hurries() const { return stops_.hurry.stop_requested(); }
 
   VertexMap UserMap(const VertexMap& y_from_x) const {
     return ToUserMap(solved(kX), solved(kY), y_from_x);
@@ -448,6 +465,7 @@ class MatchRun {
   const absl::Span<const Landmark> user_landmarks_;
   const MatchOptions& options_;
   ProgressReporter& progress_;
+  const StopTokens& stops_;
   const std::stop_token& stop_;
   const PartStart* part_;  ///< nullptr between whole shapes
 
@@ -463,6 +481,8 @@ class MatchRun {
   std::array<CandidateSearch, 2> search_;
   std::array<PointFrames, 2> frames_;
   std::vector<Candidate> candidates_;  ///< the best first
+  /// Some were given up before they were compared with the best.
+  bool has_unknown_rivals_ = false;
   std::optional<CandidateChoice> choice_;
   std::unique_ptr<ElasticAlignment> alignment_;  ///< of the best
   std::vector<float> offsets_;                   ///< DescriptorOffsets of it
@@ -473,8 +493,8 @@ class MatchRun {
 
 absl::StatusOr<Correspondence> RunMatch(const MatchInputs& inputs,
                                         ProgressReporter* progress,
-                                        const std::stop_token& stop) {
-  return MatchRun(inputs, progress, stop).Run();
+                                        const StopTokens& stops) {
+  return MatchRun(inputs, progress, stops).Run();
 }
 
 }  // namespace isomatch

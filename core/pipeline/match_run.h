@@ -1,13 +1,12 @@
 #pragma once
 
-#include <stop_token>
-
 #include "absl/status/statusor.h"
 #include "absl/types/span.h"
 #include "core/pipeline/correspondence.h"
 #include "core/pipeline/match_options.h"
 #include "core/pipeline/part_start.h"
 #include "core/pipeline/prepared_mesh.h"
+#include "core/pipeline/progress.h"
 #include "core/pipeline/progress_reporter.h"
 
 namespace isomatch {
@@ -29,6 +28,6 @@ struct MatchInputs {
 /// are reported before. REQUIRES: both were prepared for these options.
 absl::StatusOr<Correspondence> RunMatch(const MatchInputs& inputs,
                                         ProgressReporter* progress,
-                                        const std::stop_token& stop);
+                                        const StopTokens& stops);
 
 }  // namespace isomatch

@@ -40,6 +40,9 @@ struct Progress {
   Stage stage;
   double stage_fraction;
   double total_fraction;
+  /// A whole map exists: MatchControl::hurry would make it the result. Once set
+  /// it stays.
+  bool has_map = false;
 };
 
 /// Called from one thread at a time, possibly not the caller's. Must be quick
@@ -49,7 +52,17 @@ using ProgressCallback = std::function<void(const Progress&)>;
 /// How a caller follows a match, and ends it.
 struct MatchControl {
   ProgressCallback progress = {};
+  /// Ends it without a result.
   std::stop_token stop = {};
+  /// Ends it with the best whole map that it has, the first one at least: see
+  /// Correspondence::ended_early. The default profile alone heeds it.
+  std::stop_token hurry = {};
+};
+
+/// What a run is ended by; see MatchControl.
+struct StopTokens {
+  std::stop_token stop;
+  std::stop_token hurry;
 };
 
 }  // namespace isomatch

@@ -17,7 +17,9 @@ void ProgressReporter::Report(double stage_fraction) {
   const auto& [stage, weight] = plan_[current_];
   const double total =
       (finished_weight_ + weight * stage_fraction) / total_weight_;
-  if (callback_) callback_({stage, stage_fraction, std::min(1.0, total)});
+  if (callback_) {
+    callback_({stage, stage_fraction, std::min(1.0, total), has_map_});
+  }
 }
 
 void ProgressReporter::Begin(Stage stage) {
@@ -29,6 +31,11 @@ void ProgressReporter::Begin(Stage stage) {
   static_cast<void>(stage);
   share_fractions_.clear();
   Report(0);
+}
+
+void ProgressReporter::FoundMap() {
+  const MutexLock lock(mutex_);
+  has_map_ = true;
 }
 
 void ProgressReporter::Finish() {

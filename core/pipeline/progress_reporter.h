@@ -19,6 +19,8 @@ class ProgressReporter {
 
   /// Reports the end of the current stage and the beginning of `stage`.
   void Begin(Stage stage);
+  /// Reports from now on that a whole map exists.
+  void FoundMap();
   /// Reports the end of the last stage.
   void Finish();
 
@@ -36,6 +38,7 @@ class ProgressReporter {
   int current_ = -1;            ///< into plan_
   double finished_weight_ = 0;  ///< of the stages before
   double stage_fraction_ = 0;   ///< reported last
+  bool has_map_ = false;
   std::vector<double> share_fractions_;
 };
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <stop_token>
 #include <utility>
 #include <vector>
 
@@ -113,6 +114,7 @@ class JoinedTries {
         report.total_fraction =
             prepared_ + (1 - prepared_) * (number + of_match) / tries_;
       }
+      report.has_map = has_map_ = has_map_ || report.has_map;
       // Components are prepared one after the other.
       told_ = report.total_fraction = std::max(told_, report.total_fraction);
       progress_(report);
@@ -120,7 +122,7 @@ class JoinedTries {
   }
 
   void Finish() {
-    if (progress_ && told_ < 1) progress_({Stage::kQuality, 1, 1});
+    if (progress_ && told_ < 1) progress_({Stage::kQuality, 1, 1, true});
   }
 
  private:
@@ -129,6 +131,7 @@ class JoinedTries {
   double prepared_ = 0;  ///< of the whole, when preparation is over
   int number_ = 0;
   double told_ = 0;
+  bool has_map_ = false;  ///< of whatever try
 };
 
 bool IsSurelyWhole(const Correspondence& found) {
@@ -149,17 +152,19 @@ bool IsWorthMore(const absl::StatusOr<Correspondence>& found) {
 class RelationSearch {
  public:
   RelationSearch(const MatchOptions& options, bool may_be_surely_whole,
-                 const MatchAs& match, JoinedTries* joined)
+                 const MatchAs& match, const MatchControl& control,
+                 JoinedTries* joined)
       : options_(options),
         may_be_surely_whole_(may_be_surely_whole),
         match_(match),
+        control_(control),
         joined_(*joined) {}
 
   /// Tries them in turn, until one is sure. Errors of which one can be due to
   /// the relation alone are kept for later.
   absl::Status Try(const std::vector<Relation>& relations) {
     for (const Relation relation : relations) {
-      if (is_sure_) return absl::OkStatus();
+      if (is_sure_ || IsCut(best_.has_value())) return absl::OkStatus();
       absl::StatusOr<Correspondence> found = BestOf(relation);
       if (absl::IsFailedPrecondition(found.status())) {
         failure_.Update(found.status());
@@ -182,8 +187,10 @@ class RelationSearch {
     const bool is_bad = best_->verdict.level == VerdictLevel::kBad;
     const double lead = (ScoreOf(*best_) - next_) / kSureLead;
     best_->relation_confidence = is_sure_ ? 1
-                                 : is_bad ? 0
-                                          : std::clamp(lead, 0.0, 1.0);
+                                 : is_bad || is_cut_
+                                     ? 0
+                                     : std::clamp(lead, 0.0, 1.0);
+    best_->ended_early = best_->ended_early || is_cut_;
     if (options_.scale == LengthScale::kSame) best_->scale = 1;
     if (best_->relation == Relation::kOverlap &&
         options_.scale == LengthScale::kAuto) {
@@ -196,17 +203,43 @@ class RelationSearch {
   }
 
  private:
+  /// Whether no more is tried, given that there is a map.
+  bool IsCut(bool has_map) {
+    is_cut_ = is_cut_ || (has_map && control_.hurry.stop_requested());
+    return is_cut_;
+  }
+
+  /// Where there is a map already, a hurry ends it with FAILED_PRECONDITION.
+  absl::StatusOr<Correspondence> MatchOnce(const MatchOptions& options,
+                                           bool has_map) {
+    MatchControl control = control_;
+    control.progress = joined_.OfNext();
+    if (!has_map) return match_(options, control);
+    std::stop_source ends;
+    const auto end = [&ends] { ends.request_stop(); };
+    const std::stop_callback on_stop(control_.stop, end);
+    const std::stop_callback on_hurry(control_.hurry, end);
+    control.stop = ends.get_token();
+    absl::StatusOr<Correspondence> found = match_(options, control);
+    if (!absl::IsCancelled(found.status()) || control_.stop.stop_requested()) {
+      return found;
+    }
+    IsCut(true);
+    return absl::FailedPreconditionError("there was no time for it");
+  }
+
   absl::StatusOr<Correspondence> BestOf(Relation relation) {
     MatchOptions options = OptionsAs(relation, options_);
-    absl::StatusOr<Correspondence> best = match_(options, joined_.OfNext());
+    absl::StatusOr<Correspondence> best = MatchOnce(options, best_.has_value());
     // A part without a map has none at another scale.
     const bool may_be_better = best.ok() || relation == Relation::kOverlap;
     const int more = may_be_better && options.IsTriedAgain() ? kMoreTries : 0;
-    for (int i = 0; i < more && IsWorthMore(best); ++i) {
+    for (int i = 0; i < more && IsWorthMore(best) && !IsCut(best.ok()); ++i) {
       const bool at_next_scale = relation != Relation::kOverlap && i == 0;
       options.next_scale = at_next_scale;
       if (!at_next_scale) ++options.random_seed;
-      absl::StatusOr<Correspondence> other = match_(options, joined_.OfNext());
+      absl::StatusOr<Correspondence> other =
+          MatchOnce(options, best.ok() || best_);
       if (absl::IsFailedPrecondition(other.status())) continue;
       if (!other.ok() || !best.ok() ||
           other->quality.mean_confidence > best->quality.mean_confidence) {
@@ -232,11 +265,13 @@ class RelationSearch {
   const MatchOptions& options_;
   const bool may_be_surely_whole_;
   const MatchAs& match_;
+  const MatchControl& control_;
   JoinedTries& joined_;
   std::optional<Correspondence> best_;
   double next_ = 0;  ///< score of the second best
   bool is_sure_ = false;
   bool has_one_not_bad_ = false;
+  bool is_cut_ = false;  ///< there was no time for all
   absl::Status failure_;
 };
 
@@ -274,11 +309,12 @@ int MostTries(const ShapeOutline& x, const ShapeOutline& y,
 absl::StatusOr<Correspondence> FindRelation(const ShapeOutline& x,
                                             const ShapeOutline& y,
                                             const MatchOptions& options,
-                                            const ProgressCallback& progress,
+                                            const MatchControl& control,
                                             const MatchAs& match) {
   const RelationOrder order = OrderOf(x, y, options);
-  JoinedTries joined(progress, options, MostTries(x, y, options));
-  RelationSearch search(options, order.may_be_surely_whole, match, &joined);
+  JoinedTries joined(control.progress, options, MostTries(x, y, options));
+  RelationSearch search(options, order.may_be_surely_whole, match, control,
+                        &joined);
   ISOMATCH_RETURN_IF_ERROR(search.Try(order.likely));
   if (!search.has_one_not_bad()) {
     ISOMATCH_RETURN_IF_ERROR(search.Try(order.unlikely));

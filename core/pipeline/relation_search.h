@@ -24,7 +24,7 @@ ShapeOutline OutlineOf(const TriangleMesh& mesh);
 /// Matches two shapes once as what `options` says, which is never
 /// Relation::kAuto, and judges the map. The progress is that of a whole match.
 using MatchAs = std::function<absl::StatusOr<Correspondence>(
-    const MatchOptions& options, const ProgressCallback& progress)>;
+    const MatchOptions& options, const MatchControl& control)>;
 
 /// How many maps FindRelation makes at most.
 int MostTries(const ShapeOutline& x, const ShapeOutline& y,
@@ -38,14 +38,15 @@ int MostTries(const ShapeOutline& x, const ShapeOutline& y,
 ///
 /// Which seed grows to an overlap is chance: where the map is not confident,
 /// two more random seeds are tried. The same way a part of unknown scale is
-/// tried at the next likely one.
+/// tried at the next likely one. In a hurry nothing more is tried once there is
+/// a map; its relation_confidence is 0 then, unless no other came in question.
 ///
 /// Not in the paper. Errors are those of `match`, of the most likely relation
 /// where all fail.
 absl::StatusOr<Correspondence> FindRelation(const ShapeOutline& x,
                                             const ShapeOutline& y,
                                             const MatchOptions& options,
-                                            const ProgressCallback& progress,
+                                            const MatchControl& control,
                                             const MatchAs& match);
 
 }  // namespace isomatch

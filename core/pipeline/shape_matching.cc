@@ -130,7 +130,7 @@ absl::StatusOr<Correspondence> PrepareAndMatchComponents(
                        MeshToPrepare{std::move(clean_y), "mesh_y"}},
                       options, &reporter, stop, &prepared));
     return RunMatch({prepared[kX], &prepared[kX], prepared[kY], known, options},
-                    &reporter, stop);
+                    &reporter, {stop, request.control.hurry});
   };
   return MatchByComponents({*shapes[kX]->mesh, *splits[kX], *splits[kY]},
                            request.landmarks, match_one, request.control);
@@ -139,27 +139,27 @@ absl::StatusOr<Correspondence> PrepareAndMatchComponents(
 /// Brings X into Y's unit and matches it.
 absl::StatusOr<Correspondence> MatchInOneUnit(const MatchInputs& inputs,
                                               ProgressReporter* reporter,
-                                              const std::stop_token& stop) {
+                                              const StopTokens& stops) {
   reporter->Begin(Stage::kSeeds);
   ISOMATCH_ASSIGN_OR_RETURN(
       const PartStart start,
       FindPartStart(inputs.x, inputs.y, inputs.landmarks, inputs.options,
-                    {reporter->Share(0, 1), stop}));
+                    {reporter->Share(0, 1), stops.stop}));
   PreparedMesh copy;
   PreparedMesh* own_x = inputs.own_x;
   if (own_x == nullptr) own_x = &(copy = inputs.x);
   ISOMATCH_RETURN_IF_ERROR(Rescale(start.scale, inputs.options, own_x));
   return RunMatch(
       {*own_x, own_x, inputs.y, inputs.landmarks, inputs.options, &start},
-      reporter, stop);
+      reporter, stops);
 }
 
 /// Of parts the smaller one, as far as it is known, is laid on the other.
 absl::StatusOr<Correspondence> MatchPart(const MatchInputs& inputs,
                                          ProgressReporter* reporter,
-                                         const std::stop_token& stop) {
+                                         const StopTokens& stops) {
   if (inputs.options.relation != Relation::kPartOfX) {
-    return MatchInOneUnit(inputs, reporter, stop);
+    return MatchInOneUnit(inputs, reporter, stops);
   }
   // For its errors, which name X and Y as the user does.
   std::vector<std::string> warnings;
@@ -170,14 +170,14 @@ absl::StatusOr<Correspondence> MatchPart(const MatchInputs& inputs,
     turned.push_back({landmark.y, landmark.x});
   }
   return MatchInOneUnit({inputs.y, nullptr, inputs.x, turned, inputs.options},
-                        reporter, stop);
+                        reporter, stops);
 }
 
 /// Matches the shapes as one, whatever components they have.
 absl::StatusOr<Correspondence> MatchWhole(PreparedShape& x, PreparedShape& y,
                                           const Request& request) {
   const MatchOptions& options = request.options;
-  const std::stop_token& stop = request.control.stop;
+  const StopTokens stops = {request.control.stop, request.control.hurry};
   ProgressReporter reporter(request.control.progress, StagePlan(options));
   // A shape that was split is prepared again as one when the other has more
   // components than are matched one by one.
@@ -186,7 +186,7 @@ absl::StatusOr<Correspondence> MatchWhole(PreparedShape& x, PreparedShape& y,
   if (x.contents().split) missing[kX] = {x.contents().split->clean, "mesh_x"};
   if (y.contents().split) missing[kY] = {y.contents().split->clean, "mesh_y"};
   ISOMATCH_RETURN_IF_ERROR(
-      PrepareMeshes(std::move(missing), options, &reporter, stop, &anew));
+      PrepareMeshes(std::move(missing), options, &reporter, stops.stop, &anew));
   const auto prepared = [&](const PreparedShape& shape, Side side) {
     return shape.contents().whole ? &*shape.contents().whole : &anew[side];
   };
@@ -200,10 +200,10 @@ absl::StatusOr<Correspondence> MatchWhole(PreparedShape& x, PreparedShape& y,
       CheckDecimated(SizesOf(*whole_x), SizesOf(*whole_y), options));
   if (options.relation == Relation::kWhole) {
     return RunMatch({*whole_x, own_x, *whole_y, request.landmarks, options},
-                    &reporter, stop);
+                    &reporter, stops);
   }
   return MatchPart({*whole_x, own_x, *whole_y, request.landmarks, options},
-                   &reporter, stop);
+                   &reporter, stops);
 }
 
 /// The last word on a whole map, whatever components it was found in.
@@ -253,11 +253,9 @@ absl::StatusOr<Correspondence> MatchAsItSeems(PreparedShape& x,
     held = {x, y};
   }
   return FindRelation(
-      outlines[kX], outlines[kY], request.options, request.control.progress,
-      [&](const MatchOptions& options, const ProgressCallback& progress) {
-        return MatchAsTold(
-            x, y,
-            {request.landmarks, options, {progress, request.control.stop}});
+      outlines[kX], outlines[kY], request.options, request.control,
+      [&](const MatchOptions& options, const MatchControl& control) {
+        return MatchAsTold(x, y, {request.landmarks, options, control});
       });
 }
 
@@ -299,6 +297,11 @@ absl::StatusOr<Correspondence> MatchPreparedHere(
                  ? MatchAsTold(x, y, request)
                  : MatchAsItSeems(x, y, request);
   });
+  if (result.ok() && result->ended_early) {
+    result->warnings.emplace_back(
+        "the time was up before the map was refined to the end: more gives a "
+        "better one");
+  }
   return result;
 }
 

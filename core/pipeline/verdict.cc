@@ -126,6 +126,14 @@ Verdict VerdictOf(const Correspondence& found) {
     return Doubtful("the map is probably mirrored",
                     "give known matches as landmarks, at least one on a limb");
   }
+  if (found.ended_early &&
+      (found.symmetry_confidence < kLeastSymmetryConfidence ||
+       found.relation_confidence < kLeastRelationConfidence)) {
+    return Doubtful(
+        "there was no time to compare the map with others, such as the "
+        "mirrored one",
+        "allow more time, or look whether left and right are exchanged");
+  }
   if (found.symmetry_confidence < kLeastSymmetryConfidence) {
     return Doubtful(
         "another map, as a rule the mirrored one, fits nearly as well",

@@ -1,7 +1,9 @@
 #include "core/pipeline/relation_search.h"
 
 #include <cstdint>
+#include <functional>
 #include <map>
+#include <stop_token>
 #include <utility>
 #include <vector>
 
@@ -41,9 +43,10 @@ class RelationSearchTest : public testing::Test {
     options.scale = scale_;
     return FindRelation(
         x, y, options,
-        [this](const Progress& report) { reports_.push_back(report); },
-        [this](const MatchOptions& as, const ProgressCallback& progress) {
-          return MatchAs(as, progress);
+        {[this](const Progress& report) { reports_.push_back(report); },
+         stop_.get_token(), hurry_.get_token()},
+        [this](const MatchOptions& as, const MatchControl& control) {
+          return MatchAs(as, control);
         });
   }
 
@@ -61,10 +64,14 @@ class RelationSearchTest : public testing::Test {
   std::vector<std::uint64_t> seeds_;
   std::vector<bool> next_scales_;
   std::vector<Progress> reports_;
+  std::stop_source stop_;
+  std::stop_source hurry_;
+  /// Called as the number of a try before it has a map.
+  std::function<void(std::size_t)> on_try_ = [](std::size_t) {};
 
  private:
   absl::StatusOr<Correspondence> MatchAs(const MatchOptions& options,
-                                         const ProgressCallback& progress) {
+                                         const MatchControl& control) {
     tried_.push_back(options.relation);
     scales_.push_back(options.scale);
     seeds_.push_back(options.random_seed);
@@ -72,8 +79,10 @@ class RelationSearchTest : public testing::Test {
     for (const auto& [stage, total] :
          {std::pair(Stage::kPrepare, 0.0), std::pair(Stage::kSpectral, 0.3),
           std::pair(Stage::kSeeds, 0.5), std::pair(Stage::kQuality, 0.9)}) {
-      progress({stage, 0, total});
+      control.progress({stage, 0, total, stage == Stage::kQuality});
     }
+    on_try_(tried_.size());
+    if (control.stop.stop_requested()) return absl::CancelledError("stopped");
     if (options.random_seed == only_seed_) {
       confidence_[options.relation] = confidence_of_it_;
     }
@@ -254,10 +263,57 @@ TEST_F(RelationSearchTest, ProgressNeverFallsAndEndsWithOne) {
   EXPECT_EQ(reports_[1].total_fraction, 0.3);
 }
 
+TEST_F(RelationSearchTest, InAHurryTheFirstMapDoes) {
+  confidence_ = {{Relation::kWhole, 0.6}, {Relation::kPartOfY, 0.7}};
+  on_try_ = [this](std::size_t number) {
+    if (number == 1) hurry_.request_stop();
+  };
+  const auto found = Find(kOpen, kOpen);
+  ASSERT_THAT(found, IsOk());
+  EXPECT_THAT(tried_, ElementsAre(Relation::kWhole));
+  EXPECT_EQ(found->relation, Relation::kWhole);
+  EXPECT_TRUE(found->ended_early);
+  EXPECT_EQ(found->relation_confidence, 0);
+}
+
+TEST_F(RelationSearchTest, AHurryEndsTheTryThatARivalWaitsFor) {
+  relation_ = Relation::kOverlap;
+  confidence_ = {{Relation::kOverlap, 0.5}};
+  on_try_ = [this](std::size_t number) {
+    if (number == 2) hurry_.request_stop();
+  };
+  const auto found = Find(kOpen, kOpen);
+  ASSERT_THAT(found, IsOk());
+  EXPECT_EQ(tried_.size(), 2u);
+  EXPECT_TRUE(found->ended_early);
+  // What the user says is sure.
+  EXPECT_EQ(found->relation_confidence, 1);
+  for (std::size_t i = 1; i < reports_.size(); ++i) {
+    EXPECT_GE(reports_[i].has_map, reports_[i - 1].has_map);
+  }
+}
+
+TEST_F(RelationSearchTest, AHurryWaitsForTheFirstMap) {
+  hurry_.request_stop();
+  confidence_ = {{Relation::kOverlap, 0.5}};
+  const auto found = Find(kOpen, kOpen);
+  ASSERT_THAT(found, IsOk());
+  EXPECT_EQ(found->relation, Relation::kOverlap);
+  EXPECT_EQ(tried_.back(), Relation::kOverlap);
+}
+
+TEST_F(RelationSearchTest, AStopIsNoHurry) {
+  confidence_ = {{Relation::kWhole, 0.6}};
+  on_try_ = [this](std::size_t number) {
+    if (number == 2) stop_.request_stop();
+  };
+  EXPECT_EQ(Find(kOpen, kOpen).status().code(), absl::StatusCode::kCancelled);
+}
+
 TEST(FindRelationTest, OtherErrorsAreNotPassedOver) {
   const auto found = FindRelation(
       kOpen, kOpen, MatchOptions(), {},
-      [](const MatchOptions&, const ProgressCallback&) {
+      [](const MatchOptions&, const MatchControl&) {
         return absl::StatusOr<Correspondence>(absl::CancelledError("ended"));
       });
   EXPECT_EQ(found.status().code(), absl::StatusCode::kCancelled);
