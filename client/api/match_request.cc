@@ -94,6 +94,9 @@ v1::CreateJobRequest MakeCreateJobRequest(const MatchRequest& request,
   if (request.run_timeout != absl::InfiniteDuration()) {
     *message.mutable_run_timeout() = ToProto(request.run_timeout);
   }
+  if (request.deadline != absl::InfiniteDuration()) {
+    *message.mutable_deadline() = ToProto(request.deadline);
+  }
   message.set_request_id(RandomUuid());
   return message;
 }

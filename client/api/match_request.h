@@ -43,6 +43,8 @@ struct MatchRequest {
   /// How long the job may wait, and run.
   absl::Duration queue_timeout = absl::InfiniteDuration();
   absl::Duration run_timeout = absl::InfiniteDuration();
+  /// As CreateJobRequest.deadline.
+  absl::Duration deadline = absl::InfiniteDuration();
 };
 
 /// The two meshes of a request, compressed with Draco.

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "absl/time/time.h"
 #include "client/api/rpc_status.h"
 #include "client/files/map_file.h"
 #include "client/files/mesh_input.h"
@@ -26,6 +27,9 @@ std::string MapOptions(const JobOptions& job) {
       job.solved_vertices ? absl::StrCat(*job.solved_vertices) : "default",
       job.memory_limit_bytes > 0 ? absl::StrCat("\n", job.memory_limit_bytes)
                                  : "",
+      job.deadline < absl::InfiniteDuration()
+          ? absl::StrCat("\ndeadline ", absl::FormatDuration(job.deadline))
+          : "",
       job.relation == "whole"
           ? ""
           : absl::StrCat("\n", job.relation, " ", job.scale),

@@ -1,5 +1,6 @@
 #include "client/c/isomatch.h"
 
+#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <limits>
@@ -17,6 +18,7 @@
 #include "absl/strings/str_join.h"
 #include "absl/strings/string_view.h"
 #include "client/c/arguments.h"
+#include "client/c/deadline_timer.h"
 #include "client/c/objects.h"
 #include "client/c/report.h"
 #include "core/base/status_macros.h"
@@ -30,6 +32,7 @@
 
 using isomatch::CopyOf;
 using isomatch::Correspondence;
+using isomatch::DeadlineTimer;
 using isomatch::Guarded;
 using isomatch::Invalid;
 using isomatch::kMostElements;
@@ -45,6 +48,19 @@ namespace {
 
 MatchOptions OptionsOf(const isomatch_options* options) {
   return options == nullptr ? MatchOptions() : options->options;
+}
+
+/// In milliseconds; 0 for none.
+absl::StatusOr<std::int64_t> DeadlineOf(const isomatch_options* options) {
+  const std::int64_t found =
+      options == nullptr ? 0 : options->deadline_milliseconds;
+  if (found > 0 && options->options.profile == isomatch::Profile::kPaper) {
+    return Invalid("options.deadline_milliseconds",
+                   absl::StrCat(found,
+                                ", expected 0 with the profile paper: the "
+                                "default one alone has maps before the last"));
+  }
+  return found;
 }
 
 /// What a server would get, so that its map is the same.
@@ -103,7 +119,13 @@ absl::StatusOr<std::vector<Landmark>> LandmarksOf(const isomatch_pair& pair) {
 /// A caller's control for the length of a call.
 class Control {
  public:
-  explicit Control(const isomatch_control* control) {
+  explicit Control(const isomatch_control* control,
+                   std::int64_t deadline_milliseconds = 0) {
+    if (deadline_milliseconds > 0) {
+      deadline_.emplace(std::chrono::milliseconds(deadline_milliseconds));
+      control_.hurry = deadline_->passed();
+    }
+    control_.stop = stop_.get_token();
     if (control == nullptr) return;
     if (control->progress != nullptr) {
       control_.progress = [this, control](const isomatch::Progress& progress) {
@@ -117,7 +139,6 @@ class Control {
       passes_on_.emplace(control->cancel->stop.get_token(),
                          [this] { stop_.request_stop(); });
     }
-    control_.stop = stop_.get_token();
   }
   Control(const Control&) = delete;
   Control& operator=(const Control&) = delete;
@@ -127,6 +148,7 @@ class Control {
  private:
   std::stop_source stop_;
   MatchControl control_;
+  std::optional<DeadlineTimer> deadline_;
   std::optional<std::stop_callback<std::function<void()>>> passes_on_;
 };
 
@@ -146,9 +168,9 @@ absl::StatusOr<Correspondence> Match(ShapeSource x, ShapeSource y,
       isomatch::PreparedPair pair,
       isomatch::PrepareBoth(std::move(x), std::move(y), options,
                             {joined.OfPreparation(), control.get().stop}));
-  return isomatch::MatchPrepared(std::move(pair.x), std::move(pair.y),
-                                 landmarks, options,
-                                 {joined.OfMatching(), control.get().stop});
+  return isomatch::MatchPrepared(
+      std::move(pair.x), std::move(pair.y), landmarks, options,
+      {joined.OfMatching(), control.get().stop, control.get().hurry});
 }
 
 std::unique_ptr<isomatch_result> ResultOf(Correspondence found,
@@ -182,14 +204,16 @@ std::unique_ptr<isomatch_result> ResultOf(Correspondence found,
   return result;
 }
 
-absl::Status SetInteger(MatchOptions& options, absl::string_view name,
+absl::Status SetInteger(isomatch_options& all, absl::string_view name,
                         std::int64_t value) {
+  MatchOptions& options = all.options;
   const auto within = [&](std::int64_t least, std::int64_t most) {
     if (value >= least && value <= most) return absl::OkStatus();
     return Invalid(absl::StrCat("options.", name),
                    absl::StrCat(value, ", expected ", least, " to ", most));
   };
   constexpr std::int64_t kAny = std::numeric_limits<std::int64_t>::max();
+  constexpr std::int64_t kMostMilliseconds = std::int64_t{30} * 24 * 3600000;
   constexpr std::int64_t kInt = std::numeric_limits<int>::max();
   if (name == "random_seed") {
     ISOMATCH_RETURN_IF_ERROR(within(0, kAny));
@@ -203,6 +227,9 @@ absl::Status SetInteger(MatchOptions& options, absl::string_view name,
   } else if (name == "solved_vertices") {
     ISOMATCH_RETURN_IF_ERROR(within(0, kInt));
     options.solved_vertices = static_cast<int>(value);
+  } else if (name == "deadline_milliseconds") {
+    ISOMATCH_RETURN_IF_ERROR(within(0, kMostMilliseconds));
+    all.deadline_milliseconds = value;
   } else if (name == "match_components") {
     ISOMATCH_RETURN_IF_ERROR(within(0, 1));
     options.match_components = value != 0;
@@ -216,6 +243,7 @@ absl::Status SetInteger(MatchOptions& options, absl::string_view name,
     return Invalid(absl::StrCat("options.", name),
                    "there is no such whole number, expected random_seed, "
                    "threads, memory_limit_bytes, solved_vertices, "
+                   "deadline_milliseconds, "
                    "match_components, landmarks_exact or keep_functional_map");
   }
   return options.Validate();
@@ -312,9 +340,9 @@ isomatch_status isomatch_options_set_integer(isomatch_options* options,
                                              std::int64_t value,
                                              isomatch_error** error) {
   return Guarded(error, [&]() -> absl::Status {
-    MatchOptions changed = options->options;
+    isomatch_options changed = *options;
     ISOMATCH_RETURN_IF_ERROR(SetInteger(changed, name, value));
-    options->options = std::move(changed);
+    *options = std::move(changed);
     return absl::OkStatus();
   });
 }
@@ -396,7 +424,8 @@ isomatch_status isomatch_match(const isomatch_pair* pair,
                                isomatch_error** error) {
   *result = nullptr;
   return Guarded(error, [&]() -> absl::Status {
-    const Control follow(control);
+    ISOMATCH_ASSIGN_OR_RETURN(const std::int64_t deadline, DeadlineOf(options));
+    const Control follow(control, deadline);
     ISOMATCH_ASSIGN_OR_RETURN(ShapeSource x,
                               SourceOf(pair->mesh_x, pair->shape_x, "x"));
     ISOMATCH_ASSIGN_OR_RETURN(ShapeSource y,

@@ -102,6 +102,10 @@ typedef struct isomatch_landmark {
  * - "memory_limit_bytes": 0: no limit; beyond the two meshes
  * - "solved_vertices": 4000: larger meshes are decimated to about as many, and
  *   the map lifted to all vertices; 0: never
+ * - "deadline_milliseconds": 0: none; of isomatch_match with the default
+ *   profile: then the best map there is becomes the result, the first whole one
+ *   at least, as figure "ended_early" says; more time gives no worse one, and
+ *   which one it is depends on how fast the machine is
  * - "match_components": 1: large components are matched one by one; or 0
  * - "landmarks_exact": 0; 1: landmarks are kept even if the rest contradicts
  *   them
@@ -135,7 +139,8 @@ ISOMATCH_API void isomatch_cancel_free(isomatch_cancel* cancel);
 typedef struct isomatch_control {
   /* Called by one thread at a time, not always the caller's, with a stage as
    * "first insertion", how far that is, and how far all is, 0 to 1, which never
-   * falls. Has to be quick. Anything but 0 cancels. May be NULL. */
+   * falls. Of one component, and a relation that is told, a whole map is there
+   * from "choice" on. Has to be quick. Anything but 0 cancels. May be NULL. */
   int (*progress)(void* user, const char* stage, double stage_fraction,
                   double total_fraction);
   void* user;
@@ -243,6 +248,7 @@ ISOMATCH_API const char* isomatch_result_verdict_advice(
  * - "embedding_error", "objective": Eq. 8 and 4 of the paper
  * - "relation_confidence": 0 to 1, how sure the relation is
  * - "scale": X's lengths times this are in Y's unit
+ * - "ended_early": 1 where "deadline_milliseconds" ended it, else 0
  * - "area_x", "area_y": squared mesh units */
 ISOMATCH_API double isomatch_result_figure(const isomatch_result* result,
                                            const char* name);

@@ -22,6 +22,7 @@ struct isomatch_error {
 
 struct isomatch_options {
   isomatch::MatchOptions options;
+  std::int64_t deadline_milliseconds = 0;  ///< 0 for none
 };
 
 struct isomatch_cancel {

@@ -80,6 +80,7 @@ double isomatch_result_figure(const isomatch_result* result, const char* name) {
       {"objective", found.objective},
       {"relation_confidence", found.relation_confidence},
       {"scale", found.scale},
+      {"ended_early", found.ended_early ? 1 : 0},
       {"area_x", found.area_x},
       {"area_y", found.area_y}};
   for (const auto& [known, value] : figures) {

@@ -1,6 +1,7 @@
 #include "client/cli/job_flags.h"
 
 #include <limits>
+#include <optional>
 #include <utility>
 
 #include <CLI/CLI.hpp>
@@ -16,18 +17,43 @@
 namespace isomatch {
 namespace {
 
-// Empty means no limit.
-absl::StatusOr<absl::Duration> ParseTimeout(const std::string& flag,
-                                            const std::string& text) {
-  absl::Duration duration = absl::InfiniteDuration();
-  if (text.empty()) return duration;
+std::optional<absl::Duration> PositiveDuration(const std::string& text) {
+  absl::Duration duration;
   if (absl::ParseDuration(text, &duration) && duration > absl::ZeroDuration() &&
       duration < absl::InfiniteDuration()) {
     return duration;
   }
+  return std::nullopt;
+}
+
+// Empty means no limit.
+absl::StatusOr<absl::Duration> ParseTimeout(const std::string& flag,
+                                            const std::string& text) {
+  if (text.empty()) return absl::InfiniteDuration();
+  if (const auto duration = PositiveDuration(text)) return *duration;
   return absl::InvalidArgumentError(
       absl::StrCat(flag, " is '", text,
                    "', expected a duration above 0, e.g. 90s, 10m or 2h30m"));
+}
+
+void AddDeadlineFlag(CLI::App* command, JobOptions* options) {
+  const auto set = [options](const std::string& text) {
+    const std::optional<absl::Duration> duration = PositiveDuration(text);
+    if (!duration) {
+      throw CLI::ValidationError(
+          "--deadline",
+          absl::StrCat("'", text,
+                       "', expected a duration above 0, e.g. 300ms or 2s"));
+    }
+    options->deadline = *duration;
+  };
+  command
+      ->add_option_function<std::string>(
+          "--deadline", set,
+          "Take the best map there is once the job has run this long, e.g. "
+          "300ms; the first whole one is waited for, and more time gives no "
+          "worse one")
+      ->type_name("DURATION");
 }
 
 // What the API takes; a server uses no more than its share.
@@ -121,10 +147,11 @@ void AddJobFlags(CLI::App* command, JobOptions* options) {
       ->check(WholeNumber(0, kMostThreads))
       ->type_name("COUNT")
       ->capture_default_str();
-  SetGroup(
-      command, kMethodGroup,
-      {"--landmarks-exact", "--profile", "--relation", "--scale",
-       "--random-seed", "--solved-vertices", "--memory-limit", "--threads"});
+  AddDeadlineFlag(command, options);
+  SetGroup(command, kMethodGroup,
+           {"--landmarks-exact", "--profile", "--relation", "--scale",
+            "--random-seed", "--solved-vertices", "--memory-limit", "--threads",
+            "--deadline"});
   SetGroup(command, kServerGroup, {"--priority"});
   AddWeldOption(command, &options->weld);
 }

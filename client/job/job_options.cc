@@ -45,6 +45,7 @@ void SetJobOptions(const JobOptions& options, MatchRequest* request) {
   request->threads = options.threads;
   request->solved_vertices = options.solved_vertices;
   request->memory_limit_bytes = options.memory_limit_bytes;
+  request->deadline = options.deadline;
   request->priority = options.priority;
   request->landmarks_exact = options.landmarks_exact;
 }
@@ -70,7 +71,8 @@ absl::Status InFlagWords(const absl::Status& status) {
                            {"options.threads", "--threads"},
                            {"options.relation", "--relation"},
                            {"options.scale", "--scale"},
-                           {"options.profile", "--profile"}}));
+                           {"options.profile", "--profile"},
+                           {"deadline: set", "--deadline: set"}}));
 }
 
 }  // namespace isomatch

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "absl/status/status.h"
+#include "absl/time/time.h"
 #include "client/api/match_request.h"
 
 namespace isomatch {
@@ -19,6 +20,7 @@ struct JobOptions {
   std::uint32_t threads = 0;
   std::optional<std::uint32_t> solved_vertices;
   std::uint64_t memory_limit_bytes = 0;
+  absl::Duration deadline = absl::InfiniteDuration();
   std::int32_t priority = 0;
   bool landmarks_exact = false;
   /// The tolerance, as LoadMesh has it; "" for not at all.

@@ -182,11 +182,20 @@ async function sendFrom(client, offset, bytes, digest, chunkBytes) {
   await Promise.race([answered, send()]);
 }
 
+/** Seconds as google.protobuf.Duration. */
+function durationOf(seconds) {
+  const nanos = Math.round(seconds * 1e9);
+  return {seconds: Math.floor(nanos / 1e9), nanos: nanos % 1e9};
+}
+
 /**
  * Starts a job and returns it. `options`: MatchOptions of service.proto, with
- * camelCase names; `landmarks`: [{x, y}, ...].
+ * camelCase names; `landmarks`: [{x, y}, ...]; `deadline`: seconds after which the best map
+ * that there is is the result.
  */
-export async function createJob(client, meshX, meshY, {options = {}, landmarks = []} = {}) {
+export async function createJob(client, meshX, meshY, {
+  options = {}, landmarks = [], deadline,
+} = {}) {
   const {limits} = await call(client, 'GetServerInfo', {});
   const meshes = [encode(meshX), encode(meshY)];
   const inline = meshes[0].length + meshes[1].length + 16 * landmarks.length +
@@ -202,6 +211,7 @@ export async function createJob(client, meshX, meshY, {options = {}, landmarks =
     }
     return call(client, 'CreateJob', {
       meshX: messages[0], meshY: messages[1], landmarks, options, requestId,
+      ...deadline && {deadline: durationOf(deadline)},
       disconnectPolicy: 'DISCONNECT_POLICY_CANCEL',  // if we vanish
     });
   };

@@ -17,6 +17,7 @@ X, Y: meshes, .off, .obj, .ply or .stl. MAP: text, line i has the vertex of Y fo
   --tls-ca FILE           encrypts, and checks the server's certificate
   --profile NAME          default or paper
   --random-seed N         1 by default
+  --deadline SECONDS      takes the best map there is then
   --cancel-after SECONDS  gives up then, as Ctrl-C does at any time
 
 ISOMATCH_API_KEY in the environment is sent along.
@@ -31,6 +32,7 @@ const OPTIONS = {
   'tls-ca': {type: 'string'},
   profile: {type: 'string', default: 'default'},
   'random-seed': {type: 'string', default: '1'},
+  deadline: {type: 'string'},
   'cancel-after': {type: 'string'},
   help: {type: 'boolean', short: 'h'},
 };
@@ -47,7 +49,9 @@ const OTHER_FORMATS = new Set((
 class UsageError extends Error {}
 
 /** What is wrong with the options, beside what parseArgs finds. */
-function check({output, profile, 'random-seed': seed, 'cancel-after': seconds = '0'}) {
+function check({
+  output, profile, 'random-seed': seed, 'cancel-after': seconds = '0', deadline = '1',
+}) {
   if (!output) throw new Error('expected -o MAP');
   const extension = extname(output).toLowerCase();
   if (OTHER_FORMATS.has(extension)) {
@@ -59,6 +63,9 @@ function check({output, profile, 'random-seed': seed, 'cancel-after': seconds = 
   }
   if (!/^\d+$/.test(seed) || BigInt(seed) > MOST_SEED) {
     throw new Error(`--random-seed: '${seed}', expected a whole number from 0 to ${MOST_SEED}`);
+  }
+  if (!/^\d+(\.\d+)?$/.test(deadline) || !(Number(deadline) > 0)) {
+    throw new Error(`--deadline: '${deadline}', expected seconds above 0`);
   }
   if (!/^\d+(\.\d+)?$/.test(seconds) || Number(seconds) > MOST_TIMER_SECONDS) {
     throw new Error(`--cancel-after: '${seconds}', expected 0 to ${MOST_TIMER_SECONDS} seconds`);
@@ -100,7 +107,9 @@ async function main() {
   const options = {
     profile: `PROFILE_${args.profile.toUpperCase()}`, randomSeed: args['random-seed'],
   };
-  const {name} = await createJob(client, args.x, args.y, {options});
+  const {name} = await createJob(client, args.x, args.y, {
+    options, deadline: args.deadline && Number(args.deadline),
+  });
   const cancel = () => call(client, 'CancelJob', {name}).catch(() => {});
   process.once('SIGINT', cancel);
   console.error(name);

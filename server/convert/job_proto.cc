@@ -63,6 +63,7 @@ void SetProgress(const JobProgress& progress, v1::Progress& proto) {
   proto.set_stage(static_cast<v1::Stage>(progress.stage));
   proto.set_stage_fraction(progress.stage_fraction);
   proto.set_total_fraction(progress.total_fraction);
+  proto.set_has_map(progress.has_map);
 }
 
 void SetError(const JobError& error, v1::JobError& proto) {

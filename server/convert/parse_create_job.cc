@@ -360,6 +360,14 @@ absl::Status ParseScalars(const v1::CreateJobRequest& request,
   ISOMATCH_ASSIGN_OR_RETURN(spec.run_timeout,
                             ParseTimeout(request.has_run_timeout(),
                                          request.run_timeout(), "run_timeout"));
+  ISOMATCH_ASSIGN_OR_RETURN(
+      spec.deadline,
+      ParseTimeout(request.has_deadline(), request.deadline(), "deadline"));
+  if (spec.deadline && spec.options.profile == Profile::kPaper) {
+    return InvalidField("deadline",
+                        "set beside profile paper, expected the default one: "
+                        "it alone has maps before the last");
+  }
   return absl::OkStatus();
 }
 

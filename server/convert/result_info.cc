@@ -144,6 +144,7 @@ std::string DescribeResult(const JobSpec& spec, MeshSize size_x,
   info.set_relation(static_cast<v1::Relation>(found.relation));
   info.set_scale(found.scale);
   info.set_relation_confidence(found.relation_confidence);
+  info.set_ended_early(found.ended_early);
   return info.SerializeAsString();
 }
 

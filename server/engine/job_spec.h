@@ -34,6 +34,9 @@ struct JobSpec {
   /// Not set means no limit.
   std::optional<absl::Duration> queue_timeout;
   std::optional<absl::Duration> run_timeout;
+  /// When the best map there is has to do, from the job's start on. Not set
+  /// means never.
+  std::optional<absl::Duration> deadline;
   /// -100 to 100; higher ones start first.
   std::int32_t priority = 0;
   /// Cancelled once nobody has watched it for a while; see DisconnectGuard.

@@ -40,7 +40,8 @@ absl::StatusOr<Correspondence> MatchWithCache(const MatchEngine& engine,
   KeepIfNamed(cache, spec.prepared_x, pair.x);
   KeepIfNamed(cache, spec.prepared_y, pair.y);
   return engine.match(std::move(pair.x), std::move(pair.y), spec.landmarks,
-                      spec.options, {joined.OfMatching(), control.stop});
+                      spec.options,
+                      {joined.OfMatching(), control.stop, control.hurry});
 }
 
 }  // namespace isomatch

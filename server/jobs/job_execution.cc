@@ -51,7 +51,7 @@ absl::Status JobExecution::RunToEnd(LiveJob& live, Progress& progress) {
       environment_.runner->Run(
           [&] { return environment_.load_spec(record); },
           [&](const JobProgress& now) { ReportProgress(live.id, now); },
-          live.stop.get_token()));
+          {live.stop.get_token(), live.hurry.get_token()}));
   return WhenStoreAnswers(
       live, [&] { return StoreResult(record, outcome, progress); });
 }
@@ -99,6 +99,11 @@ absl::StatusOr<JobRecord> JobExecution::Start(LiveJob& live) {
       JobRecord started, live.claimed ? *live.claimed : MoveToRunning(live.id));
   runs.SetAttempt(live.id, started.attempt);
   LimitRunTime(live, started);
+  if (started.deadline) {
+    live.deadline_timer = environment_.timers->PostAfter(
+        *started.deadline,
+        [hurry = live.hurry]() mutable { hurry.request_stop(); });
+  }
   return started;
 }
 

@@ -143,6 +143,7 @@ JobRecord JobIntake::NewRecord(const Caller& caller,
   record.shared_priority = std::min(spec.priority, caller.max_priority);
   record.cancel_when_unwatched = spec.cancel_when_unwatched;
   record.queue_timeout = spec.queue_timeout;
+  record.deadline = spec.deadline;
   if (const auto limit = environment_.limits.RunTime(spec.run_timeout);
       limit < absl::InfiniteDuration()) {
     record.run_timeout = limit;

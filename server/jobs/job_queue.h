@@ -44,6 +44,7 @@ struct LiveJob {
   Turn turn;
   MemoryBudget::Reservation reservation;
   std::stop_source stop;
+  std::stop_source hurry;  ///< see MatchControl
   /// It does not start for now; how often that was so.
   bool is_held = false;
   int times_held = 0;
@@ -55,6 +56,7 @@ struct LiveJob {
   std::optional<JobRecord> claimed;
   /// Runs out at the queue timeout or, once the job runs, at the run timeout.
   Executor::Timer timer;
+  Executor::Timer deadline_timer;
 
   /// Stands where `other`, the same job, stood before it started.
   void TakePlaceOf(const LiveJob& other) {
@@ -71,6 +73,7 @@ struct LiveJob {
   void Release() {
     reservation = MemoryBudget::Reservation();
     timer.reset();
+    deadline_timer.reset();
   }
 };
 

@@ -36,10 +36,13 @@ class RunMeter {
     const bool is_new = stage != stage_;
     if (is_new) BeginStage(stage, now);
     const bool soon = now - last_report_ < JobRunner::kProgressInterval;
-    if (!is_new && soon && progress.stage_fraction < 1) return;
+    const bool is_news = is_new || progress.has_map != had_map_;
+    if (!is_news && soon && progress.stage_fraction < 1) return;
     last_report_ = now;
+    had_map_ = progress.has_map;
     SamplePeak();
-    on_progress_({stage, progress.stage_fraction, progress.total_fraction});
+    on_progress_({stage, progress.stage_fraction, progress.total_fraction,
+                  progress.has_map});
   }
 
   /// Writes the figures of the whole run. Call once, last.
@@ -78,6 +81,7 @@ class RunMeter {
   const JobRunner::OnProgress& on_progress_;
   const absl::Time begin_;
   std::int32_t stage_ = kNoStage;
+  bool had_map_ = false;
   absl::Time stage_begin_ = absl::InfinitePast();
   absl::Time last_report_ = absl::InfinitePast();
   std::vector<StageSeconds> stage_times_;
@@ -141,7 +145,7 @@ absl::Status JobRunner::ValidateLandmarks(const JobSpec& spec) const {
 
 absl::StatusOr<RunOutcome> JobRunner::Run(const LoadSpec& load,
                                           const OnProgress& on_progress,
-                                          const std::stop_token& stop) const {
+                                          const StopTokens& stops) const {
   try {
     RunMeter meter(now_, on_progress);
     ISOMATCH_ASSIGN_OR_RETURN(JobSpec spec, load());
@@ -150,7 +154,8 @@ absl::StatusOr<RunOutcome> JobRunner::Run(const LoadSpec& load,
     const MeshSize size_y = SizeOf(spec.mesh_y);
     absl::StatusOr<Correspondence> found = MatchWithCache(
         engine_, spec, cache_,
-        {[&](const Progress& progress) { meter.OnProgress(progress); }, stop});
+        {[&](const Progress& progress) { meter.OnProgress(progress); },
+         stops.stop, stops.hurry});
     if (!found.ok()) return MatchFailure(found.status());
     RunOutcome outcome;
     outcome.parts = EncodeParts(*found);

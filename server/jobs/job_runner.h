@@ -2,7 +2,6 @@
 
 #include <cstdint>
 #include <functional>
-#include <stop_token>
 #include <string>
 #include <vector>
 
@@ -11,6 +10,7 @@
 #include "core/mesh/mesh_size.h"
 #include "core/pipeline/correspondence.h"
 #include "core/pipeline/match_engine.h"
+#include "core/pipeline/progress.h"
 #include "server/engine/job_spec.h"
 #include "server/engine/prepared_cache.h"
 #include "server/engine/result_parts.h"
@@ -60,12 +60,13 @@ class JobRunner {
   /// Landmarks that are in range and do not contradict each other.
   absl::Status ValidateLandmarks(const JobSpec& spec) const;
 
-  /// Returns the parts and the figures. What `load` fails with; CANCELLED once
-  /// `stop` is requested; RESOURCE_EXHAUSTED (OUT_OF_MEMORY) when an allocation
-  /// failed, or the method would need more than EstimateBytes.
+  /// Returns the parts and the figures, of the best map there is once `hurry`
+  /// is requested. What `load` fails with; CANCELLED once `stop` is;
+  /// RESOURCE_EXHAUSTED (OUT_OF_MEMORY) when an allocation failed, or the
+  /// method would need more than EstimateBytes.
   absl::StatusOr<RunOutcome> Run(const LoadSpec& load,
                                  const OnProgress& on_progress,
-                                 const std::stop_token& stop) const;
+                                 const StopTokens& stops) const;
 
  private:
   /// What the job holds beyond what matching its meshes takes: these, and

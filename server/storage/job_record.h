@@ -39,6 +39,7 @@ struct JobProgress {
   std::int32_t stage = kNoStage;
   double stage_fraction = 0;
   double total_fraction = 0;
+  bool has_map = false;
 };
 
 /// Why a job failed.
@@ -147,6 +148,9 @@ struct JobRecord {
   /// Not set means no limit. The first counts from create_time.
   std::optional<absl::Duration> queue_timeout;
   std::optional<absl::Duration> run_timeout;
+  /// When the best map there is has to do, from the job's start on. Not set:
+  /// never.
+  std::optional<absl::Duration> deadline;
   /// Cancelled once nobody has watched it for a while.
   bool cancel_when_unwatched = false;
   /// SHA-256 of the blobs that running it needs, pinned until it is terminal:

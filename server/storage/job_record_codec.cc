@@ -81,12 +81,13 @@ std::int32_t StageOf(const nlohmann::json& json) {
 void to_json(nlohmann::json& json, const JobProgress& progress) {
   json = {{"stage_number", progress.stage},
           {"stage_fraction", progress.stage_fraction},
-          {"total_fraction", progress.total_fraction}};
+          {"total_fraction", progress.total_fraction},
+          {"has_map", progress.has_map}};
 }
 
 void from_json(const nlohmann::json& json, JobProgress& progress) {
   progress = {StageOf(json), json.value("stage_fraction", 0.0),
-              json.value("total_fraction", 0.0)};
+              json.value("total_fraction", 0.0), json.value("has_map", false)};
 }
 
 void to_json(nlohmann::json& json, const StageSeconds& time) {
@@ -134,7 +135,7 @@ NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE_WITH_DEFAULT(
     JobRecord, id, tenant, state, progress, memory_estimate_bytes, error,
     result, create_time, start_time, end_time, aged_from, labels, request_id,
     call_id, trace_parent, request_sha256, priority, shared_priority, threads,
-    attempt, faults, unresponsive, queue_timeout, run_timeout,
+    attempt, faults, unresponsive, queue_timeout, run_timeout, deadline,
     cancel_when_unwatched, inputs, sequence, number)
 
 namespace {

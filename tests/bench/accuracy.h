@@ -1,6 +1,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "absl/status/status.h"
 #include "core/pipeline/match_options.h"
@@ -14,6 +15,12 @@ namespace isomatch::bench {
 absl::Status RunAccuracy(const PairSelection& pairs,
                          const MatchOptions& options,
                          const std::string& out_path);
+
+/// Matches every pair of a set with each deadline, in seconds, and prints what
+/// errors and times the maps have that are there then.
+absl::Status RunDeadlines(const PairSelection& pairs,
+                          const std::vector<double>& deadlines,
+                          const MatchOptions& options);
 
 /// The paper's Table 1: swapping none, greedy and annealed, without and with
 /// ZoomOut (default: the elastic alignment). "Without" is the map just before

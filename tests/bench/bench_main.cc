@@ -26,6 +26,8 @@ struct Arguments {
   std::string scale = LengthScaleName(LengthScale::kAuto);
   std::string out;
   std::vector<std::string> settings;
+  std::vector<double> deadlines = {0.05, 0.15, 0.2, 0.25, 0.3,
+                                   0.35, 0.4,  0.5, 1};
   std::string instruction_set = InstructionSet();
 };
 
@@ -190,6 +192,9 @@ absl::Status Run(const Arguments& arguments, const std::string& command) {
       !status.ok()) {
     return status;
   }
+  if (command == "deadline") {
+    return RunDeadlines(arguments.pairs, arguments.deadlines, options);
+  }
   if (command == "ablation") return RunAblation(arguments.pairs, options);
   if (command == "service") {
     return RunService(arguments.service, options, arguments.out);
@@ -215,6 +220,13 @@ int Main(int argc, char** argv) {
   }
   AddPairCommand(&app, "ablation",
                  "The swapping ablation of the paper's Table 1", &arguments);
+  AddPairCommand(&app, "deadline", "Errors of the maps there are in time",
+                 &arguments)
+      ->add_option("--seconds", arguments.deadlines,
+                   "Deadlines, separated by commas; 0 for none")
+      ->delimiter(',')
+      ->check(CLI::Range(0.0, 3600.0))
+      ->capture_default_str();
   AddPackCommand(&app, &arguments);
   CLI11_PARSE(app, argc, argv);
   const absl::Status status =

@@ -2,8 +2,11 @@
 
 #include <algorithm>
 #include <chrono>
+#include <optional>
 #include <set>
 
+#include "absl/time/time.h"
+#include "client/c/deadline_timer.h"
 #include "core/base/status_macros.h"
 #include "core/evaluation/geodesic_error.h"
 #include "core/evaluation/overlap_iou.h"
@@ -56,14 +59,21 @@ std::vector<Landmark> TrueLandmarks(const VertexMap& truth, int count) {
   return landmarks;
 }
 
-absl::StatusOr<PairResult> RunPair(const MeshPair& pair, int true_landmarks,
+absl::StatusOr<PairResult> RunPair(const MeshPair& pair,
+                                   const PairSelection& selection,
                                    const MatchOptions& options) {
   const std::vector<Landmark> landmarks =
-      TrueLandmarks(pair.truth.direct, true_landmarks);
+      TrueLandmarks(pair.truth.direct, selection.true_landmarks);
   const auto begin = std::chrono::steady_clock::now();
+  MatchControl control;
+  std::optional<DeadlineTimer> timer;
+  if (selection.deadline > 0) {
+    timer.emplace(absl::ToChronoNanoseconds(absl::Seconds(selection.deadline)));
+    control.hurry = timer->passed();
+  }
   ISOMATCH_ASSIGN_OR_RETURN(
       const Correspondence found,
-      Match(pair.mesh_x, pair.mesh_y, landmarks, options));
+      Match(pair.mesh_x, pair.mesh_y, landmarks, options, control));
   const auto end = std::chrono::steady_clock::now();
   PairResult result = {pair.name_x,
                        pair.name_y,
@@ -80,6 +90,7 @@ absl::StatusOr<PairResult> RunPair(const MeshPair& pair, int true_landmarks,
                        found.quality.mean_confidence,
                        found.scores.rank_value,
                        found.scale,
+                       found.ended_early,
                        {}};
   const GeodesicErrorMeter meter(pair.mesh_y);
   for (const StageMap& map : found.stage_maps) {
@@ -130,7 +141,7 @@ absl::StatusOr<std::vector<PairResult>> RunPairs(
       ISOMATCH_ASSIGN_OR_RETURN(pair.mesh_y, ThroughDraco(pair.mesh_y));
     }
     ISOMATCH_ASSIGN_OR_RETURN(PairResult result,
-                              RunPair(pair, pairs.true_landmarks, with_stages));
+                              RunPair(pair, pairs, with_stages));
     done(result);
     results.push_back(std::move(result));
   }

@@ -49,6 +49,7 @@ struct PairResult {
   double mean_confidence = 0;
   double rank_value = 0;
   double scale = 1;
+  bool ended_early = false;
   std::vector<RatedVertex> rated;  ///< vertices with a truth and an image
   /// Of the part of X that has a counterpart, as OverlapIou, by area.
   std::optional<double> iou = {};
@@ -67,6 +68,8 @@ struct PairSelection {
   int true_landmarks = 0;  ///< matches of its truth that each pair is given
   /// Meshes go through Draco first, as those that clients send.
   bool as_sent = false;
+  /// Seconds after which a match ends with the best map it has; 0 for never.
+  double deadline = 0;
 };
 
 /// Matches the pairs and calls `done` after each.

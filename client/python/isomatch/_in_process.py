@@ -328,6 +328,7 @@ def _info(report: dict[str, Any], clock: _Clock, parts: tuple[str, ...]) -> Resu
         scores=_scores(report["scores"]),
         quality=Quality(**_numbers(report["quality"])),
         symmetry_confidence=report["symmetry_confidence"],
+        ended_early=report["ended_early"],
         alternatives=tuple(_scores(entry["scores"]) for entry in report["alternatives"]),
         landmarks=tuple(LandmarkOutcome(**_numbers(entry)) for entry in report["landmarks"]),
         unmatched=report["unmatched"],

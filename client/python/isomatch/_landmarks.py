@@ -1,7 +1,8 @@
-"""Landmarks and other whole numbers that a caller gives, checked."""
+"""Landmarks and other numbers that a caller gives, checked."""
 
 from __future__ import annotations
 
+import math
 import operator
 from typing import Any
 
@@ -19,6 +20,21 @@ def integer(field: str, value: Any, low: int, high: int) -> int:
     if low <= number <= high:
         return number
     raise invalid(field, f"is {value!r}, expected an integer, {low} to {high}")
+
+
+def milliseconds(field: str, seconds: Any, profile: str) -> int | None:
+    """None for None. InvalidInput: not above 0, or not with this profile."""
+    if seconds is None:
+        return None
+    try:
+        found = math.ceil(1000 * seconds)
+    except (TypeError, ValueError, OverflowError):
+        found = 0
+    if found <= 0:
+        raise invalid(field, f"is {seconds!r}, expected seconds above 0, or None")
+    if profile == "paper":
+        raise invalid(field, f"is {seconds!r}, expected None with the profile 'paper'")
+    return found
 
 
 def landmark_pairs(landmarks: Any) -> Pairs:

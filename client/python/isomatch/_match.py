@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from isomatch import _in_process
 from isomatch._in_process import PreparedMesh
-from isomatch._landmarks import integer
+from isomatch._landmarks import integer, milliseconds
 from isomatch._progress import followed
 from isomatch.errors import IsomatchError, ServerSupportMissing, invalid
 from isomatch.mesh import MeshLike, UploadedMesh, as_mesh
@@ -35,6 +35,7 @@ def match(
     threads: int = 0,
     solved_vertices: int | None = None,
     memory_limit_bytes: int = 0,
+    deadline: float | None = None,
     priority: int = 0,
     progress: bool | None = None,
     on_progress: Callable[[JobStatus], object] | None = None,
@@ -60,7 +61,9 @@ def match(
     threads: 0 for one a core, or the server's share. solved_vertices: larger meshes are
       decimated to about so many; 0 never; None as the profile says.
     memory_limit_bytes: no more is taken: fewer threads, then fewer solved vertices (a
-      warning), or it is refused; 0 for no limit. priority: on a server, -100 to 100.
+      warning), or it is refused; 0 for no limit.
+    deadline: seconds, after which the best map there is is the result, the first whole
+      one at least; see `ended_early` of MatchResult.info. priority: on a server, -100 to 100.
     progress: a bar of tqdm after a second; None where that is installed and standard
       error is a terminal or a notebook. on_progress: called with each JobStatus.
     confidence, precise, alternative, functional_map, matched_y: what comes with the
@@ -95,6 +98,7 @@ def match(
                 threads=threads,
                 solved_vertices=solved_vertices,
                 memory_limit_bytes=memory_limit_bytes,
+                deadline=deadline,
                 priority=priority,
             )
         if priority != 0:
@@ -109,6 +113,7 @@ def match(
             landmarks_exact=integer("landmarks_exact", landmarks_exact, 0, 1),
             keep_functional_map=integer("functional_map", functional_map, 0, 1),
             solved_vertices=solved_vertices,
+            deadline_milliseconds=milliseconds("deadline", deadline, profile),
         )
         return _in_process.match(
             x, y, landmarks=landmarks, options=options, on_status=on_status, wanted=wanted

@@ -70,6 +70,7 @@ def create_job(
     threads: int,
     solved_vertices: int | None,
     memory_limit_bytes: int,
+    deadline: float | None,
     functional_map: bool,
     priority: int,
     labels: Mapping[str, str] | None,
@@ -98,7 +99,11 @@ def create_job(
     )
     if landmarks is not None:
         _add_landmarks(request, landmarks)
-    for field, seconds in (("queue_timeout", queue_timeout), ("run_timeout", run_timeout)):
+    for field, seconds in (
+        ("queue_timeout", queue_timeout),
+        ("run_timeout", run_timeout),
+        ("deadline", deadline),
+    ):
         if seconds is not None:
             getattr(request, field).FromNanoseconds(round(seconds * 1e9))
     if cancel_when_unwatched:

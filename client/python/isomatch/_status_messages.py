@@ -127,6 +127,7 @@ def job_status(job: Any) -> JobStatus:
         state=JobState(state.removeprefix("STATE_")),
         stage=_label("Stage", job.progress.stage),
         stage_fraction=job.progress.stage_fraction,
+        has_map=job.progress.has_map,
         total_fraction=job.progress.total_fraction,
         waiting_for=_waiting_for(job),
         labels=dict(job.labels),

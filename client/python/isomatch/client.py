@@ -124,6 +124,7 @@ class Client:
         threads: int = 0,
         solved_vertices: int | None = None,
         memory_limit_bytes: int = 0,
+        deadline: float | None = None,
         functional_map: bool = False,
         priority: int = 0,
         labels: Mapping[str, str] | None = None,
@@ -149,6 +150,9 @@ class Client:
         memory_limit_bytes: the job takes no more, its meshes included: it uses
           fewer threads, then solves on fewer vertices (a warning of its result),
           or is refused; 0 for no limit but the server's.
+        deadline: seconds the job may refine its map, from its start on: then the best
+          there is becomes the result, the first whole one at least, as `ended_early`
+          of ResultInfo says. Not with the profile "paper".
         functional_map: makes it, for result(functional_map=True).
         priority: -100 to 100. labels: at most 16, to find the job by.
         queue_timeout, run_timeout: seconds, after which the job fails.
@@ -169,6 +173,7 @@ class Client:
             threads=threads,
             solved_vertices=solved_vertices,
             memory_limit_bytes=memory_limit_bytes,
+            deadline=deadline,
             functional_map=functional_map,
             priority=priority,
             labels=labels,

@@ -238,6 +238,7 @@ class MatchResult:
             "relation_confidence": info.relation_confidence,
             "scale": info.scale,
             "random_seed": info.random_seed,
+            "ended_early": info.ended_early,
             "seconds": seconds,
             "total_seconds": info.run_seconds,
             "peak_resident_bytes": info.peak_resident_bytes,

@@ -106,7 +106,7 @@ class ResultInfo:
     relation: "whole", "part-of-y", "part-of-x" or "overlap"; relation_confidence: 0 to
     1, how sure that is where it was found out. scale: X's lengths times it are in Y's
     unit. unmatched: vertices of X without a counterpart. parts: what can
-    be downloaded.
+    be downloaded. ended_early: the deadline came before the map was refined to the end.
     """
 
     mesh_x: MeshSummary
@@ -128,6 +128,7 @@ class ResultInfo:
     relation_confidence: float
     scale: float
     random_seed: int
+    ended_early: bool
     parts: tuple[str, ...]
 
 
@@ -149,6 +150,7 @@ class JobStatus:
 
     stage: "geodesics" and so on, "starting" before the first, "working" for one
     that this package does not know. Fractions: 0 to 1, never falling.
+    has_map: a whole map is there, what a deadline would end with.
     waiting_for: while QUEUED "turn"; "storage" when the server's disk takes no
     results, "inputs" when its meshes cannot be read just now; else "".
     result: set when SUCCEEDED; error: set when FAILED.
@@ -159,6 +161,7 @@ class JobStatus:
     stage: str
     stage_fraction: float
     total_fraction: float
+    has_map: bool
     queue_position: int
     waiting_for: str
     memory_estimate_bytes: int
@@ -188,6 +191,9 @@ class JobStatus:
         return JobFailed(message, code=self.error.code, reason=self.error.reason)
 
 
+_WITH_MAP = ("choice", "alignment", "quality")
+
+
 def running(stage: str, stage_fraction: float, total_fraction: float) -> JobStatus:
     """Of a match in this process."""
     return JobStatus(
@@ -196,6 +202,7 @@ def running(stage: str, stage_fraction: float, total_fraction: float) -> JobStat
         stage=stage,
         stage_fraction=stage_fraction,
         total_fraction=total_fraction,
+        has_map=stage in _WITH_MAP,
         queue_position=0,
         waiting_for="",
         memory_estimate_bytes=0,

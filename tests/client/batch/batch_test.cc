@@ -306,6 +306,14 @@ TEST_F(BatchTest, OfPartsTheMaskIsWrittenToo) {
   EXPECT_THAT(States(Batch(overlap)), ElementsAre("done"));
 }
 
+TEST_F(BatchTest, AnotherDeadlineMakesAnotherMap) {
+  const std::string list = folder_.Write("one.txt", "a.off b.off\n");
+  ASSERT_EQ(Batch({list}).status, kExitSuccess);
+  const std::vector<std::string> hurried = {list, "--json", "--deadline", "1h"};
+  EXPECT_THAT(States(Batch(hurried)), ElementsAre("done"));
+  EXPECT_THAT(States(Batch(hurried)), ElementsAre("kept"));
+}
+
 TEST_F(BatchTest, PathsMayHaveBlanks) {
   ASSERT_THAT(WriteMesh(folder_.Path("my scan #2.off"), Tetrahedron()), IsOk());
   ASSERT_THAT(WriteMesh(folder_.Path("my cat.off"), Tetrahedron()), IsOk());

@@ -325,6 +325,28 @@ TEST_F(IsomatchCTest, RelationAndScaleAreObeyedInAnyOrder) {
               HasSubstr("\"relation\": \"part-of-y\""));
 }
 
+TEST_F(IsomatchCTest, ADeadlineTakesTheMapThatIsThere) {
+  ASSERT_EQ(Match(), ISOMATCH_OK);
+  EXPECT_EQ(isomatch_result_figure(result_.get(), "ended_early"), 0);
+  ASSERT_EQ(Set("deadline_milliseconds", 1), ISOMATCH_OK);
+  ASSERT_EQ(Match(), ISOMATCH_OK);
+  EXPECT_EQ(isomatch_result_figure(result_.get(), "ended_early"), 1);
+  EXPECT_THAT(isomatch_result_report(result_.get()),
+              HasSubstr("\"ended_early\": true"));
+  std::stop_source hurry;
+  hurry.request_stop();
+  EXPECT_EQ(Map(), isomatch::Match(AsSent(x_), AsSent(y_), {}, MatchOptions(),
+                                   {{}, {}, hurry.get_token()})
+                       ->y_from_x);
+  ASSERT_EQ(Set("deadline_milliseconds", 3'600'000), ISOMATCH_OK);
+  ASSERT_EQ(Match(), ISOMATCH_OK);
+  EXPECT_EQ(isomatch_result_figure(result_.get(), "ended_early"), 0);
+  ASSERT_EQ(
+      isomatch_options_set_text(options_.get(), "profile", "paper", nullptr),
+      ISOMATCH_OK);
+  ExpectInvalid("options.deadline_milliseconds", "expected 0 with the profile");
+}
+
 TEST_F(IsomatchCTest, MemoryIsBounded) {
   ASSERT_EQ(Set("memory_limit_bytes", 1000), ISOMATCH_OK);
   ExpectInvalid("options.memory_limit_bytes", "1000");

@@ -193,6 +193,26 @@ TEST_F(CommandLineTest, MoreThreadsThanThereAreSayNothing) {
                    "expected a whole number from 0 to 1024");
 }
 
+TEST_F(CommandLineTest, ADeadlineTakesTheMapThatIsThere) {
+  MakePair(300, 300);
+  const auto run = [&](const std::string& deadline) {
+    const CommandOutcome outcome =
+        Run({"match", a_, b_, "-o", map_, "--json", "--no-progress",
+             "--deadline", deadline});
+    EXPECT_EQ(outcome.status, kExitSuccess) << outcome.err;
+    return outcome.out;
+  };
+  EXPECT_THAT(run("1ms"), AllOf(HasSubstr("\"ended_early\": true"),
+                                HasSubstr("time was up")));
+  EXPECT_THAT(run("1h"), HasSubstr("\"ended_early\": false"));
+  for (const char* const wrong : {"soon", "-1s", "0s", "inf"}) {
+    ExpectUsageError({"match", a_, b_, "--deadline", wrong},
+                     "expected a duration above 0");
+  }
+  ExpectUsageError({"match", a_, b_, "--deadline=1s", "--profile", "paper"},
+                   "--deadline");
+}
+
 TEST_F(CommandLineTest, ASoupIsWeldedOnDemand) {
   MakePair(300, 300);
   // Every face of A for itself, its corners off by up to 1e-6.

@@ -174,6 +174,19 @@ class MatchTest:
             self.match(*support.pair(), memory_limit_bytes=2_000_000)
         self.assertTrue(refused.exception.field.endswith("memory_limit_bytes"))
 
+    def test_a_deadline_takes_the_map_that_is_there(self):
+        seen = []
+        early = self.match(*support.pair(), deadline=0.001, on_progress=seen.append)
+        self.assertTrue(early.info.ended_early)
+        self.assertIn("time was up", " ".join(early.info.warnings))
+        self.assertTrue((early.y_from_x >= 0).all())
+        self.assertFalse(seen[0].has_map)
+        self.assertFalse(self.match(*support.pair(), deadline=3600).info.ended_early)
+        for wrong in ({"deadline": 0}, {"deadline": -1}, {"deadline": 1, "profile": "paper"}):
+            with self.subTest(wrong), self.assertRaises(isomatch.InvalidInput) as refused:
+                self.match(*support.pair(), **wrong)
+            self.assertEqual(refused.exception.field, "deadline")
+
     def test_a_part_is_found_in_the_whole(self):
         x, y = support.pair()
         places, faces = isomatch.read_mesh(y)

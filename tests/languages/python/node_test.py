@@ -48,6 +48,15 @@ class NodeTest(unittest.TestCase):
             self.run_match(x, y)
             self.assertEqual(self.output.read_bytes(), support.map_of_command_line(x, y))
 
+    def test_a_deadline_takes_the_map_that_is_there(self):
+        early = self.client.job(self.run_match(*support.pair(), "--deadline", "0.001").split()[0])
+        self.assertTrue(early.status.result.ended_early)
+        self.run_match(*support.pair(), "--deadline", "3600.5")
+        self.assertEqual(
+            self.output.read_bytes(), support.map_of_command_line(*support.pair())
+        )
+        self.assertIn("--deadline", self.run_match(*support.pair(), "--deadline", "0", status=2))
+
     def test_meshes_beyond_one_request_are_uploaded(self):
         large = support.write_ply(support.folder() / "large.ply", *support.sheet(400))
         with support.Server("--ephemeral", "--max-request-bytes=2MiB") as server:

@@ -251,6 +251,16 @@ TEST_F(ParseCreateJobTest, IdsLabelsAndTimeoutsOutOfRange) {
   request = SphereJob();
   request.mutable_queue_timeout();  // 0 s
   ExpectRefused(request, "INVALID_FIELD", "queue_timeout");
+  request = SphereJob();
+  request.mutable_deadline();
+  ExpectRefused(request, "INVALID_FIELD", "deadline");
+}
+
+TEST_F(ParseCreateJobTest, ThePapersProfileHasNoDeadline) {
+  v1::CreateJobRequest request = SphereJob();
+  request.mutable_deadline()->set_seconds(1);
+  request.mutable_options()->set_profile(v1::PROFILE_PAPER);
+  ExpectRefused(request, "INVALID_FIELD", "deadline");
 }
 
 TEST_F(ParseCreateJobTest, AMeshThatWasNotUploaded) {

@@ -61,7 +61,7 @@ TEST(RequestOutlineTest, TheFieldThatHasTooManyIsNamed) {
   };
   EXPECT_EQ(field(Repeated(std::string("\x1a\x00", 2), 1001)), "landmarks");
   EXPECT_EQ(field(Repeated(std::string("\x3a\x00", 2), 1001)), "labels");
-  EXPECT_EQ(field(Repeated(std::string("\x62\x00", 2), 1001)), "field 12");
+  EXPECT_EQ(field(Repeated(std::string("\x72\x00", 2), 1001)), "field 14");
   // Unknown fields within the digest of a mesh.
   const std::string unknown = Repeated(std::string("\x7a\x00", 2), 60);
   const std::string digest = "\x12" + std::string(1, 120) + unknown;

@@ -113,6 +113,7 @@ class JobManagerTest : public testing::Test {
         [this](auto&&, auto&&, auto&&, auto&&,
                const MatchControl& control) -> absl::StatusOr<Correspondence> {
       control.progress({Stage::kGeodesics, 0.5, 0.25});
+      hurry_ = control.hurry;
       const absl::Status status = during_match_(control.stop);
       if (!status.ok()) return status;
       Correspondence found = found_;
@@ -174,6 +175,7 @@ class JobManagerTest : public testing::Test {
 
   std::atomic<int> last_id_ = 0;
   int matches_ = 0;
+  std::stop_token hurry_;  ///< of the match that runs, or ran last
   Correspondence found_;
   std::vector<std::string> history_;
   std::function<void(const JobRecord&)> before_state_;

@@ -413,5 +413,31 @@ TEST_F(JobWatchTest, OneThatDidNotAnswerIsToBlameAndNobodyElse) {
   EXPECT_EQ(StateOf(deaf), "CANCELLED");
 }
 
+TEST_F(JobManagerTest, TheDeadlineHurriesTheMatchOnceItRuns) {
+  JobSpec spec = Needing(1);
+  spec.deadline = absl::Seconds(5);
+  const std::string id = Create(std::move(spec));
+  timers_.Advance(absl::Seconds(60));  // while it waits
+  during_match_ = [&](const std::stop_token& stop) {
+    timers_.Advance(absl::Seconds(4));
+    EXPECT_FALSE(hurry_.stop_requested());
+    timers_.Advance(absl::Seconds(1));
+    EXPECT_TRUE(hurry_.stop_requested());
+    EXPECT_FALSE(stop.stop_requested());
+    return absl::OkStatus();
+  };
+  EXPECT_TRUE(workers_.RunNext());
+  EXPECT_EQ(StateOf(id), "SUCCEEDED");
+}
+
+TEST_F(JobManagerTest, ADeadlineThatDoesNotComeLeavesNoTimer) {
+  JobSpec spec = Needing(1);
+  spec.deadline = absl::Seconds(5);
+  Create(std::move(spec));
+  EXPECT_TRUE(workers_.RunNext());
+  EXPECT_EQ(timers_.live_timers(), 0);
+  EXPECT_FALSE(hurry_.stop_requested());
+}
+
 }  // namespace
 }  // namespace isomatch

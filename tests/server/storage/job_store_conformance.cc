@@ -204,6 +204,7 @@ TEST_P(JobStoreTest, WhatWasStoredComesBack) {
   job.threads = 2;
   job.queue_timeout = absl::Seconds(5);
   job.run_timeout = absl::Minutes(3);
+  job.deadline = absl::Milliseconds(300);
   job.cancel_when_unwatched = true;
   job.inputs = {kept_->Put("lab", "request"), kept_->Put("lab", "mesh")};
   ASSERT_THAT(store.Insert(job), IsOk());
@@ -221,6 +222,7 @@ TEST_P(JobStoreTest, WhatWasStoredComesBack) {
   EXPECT_EQ(read->threads, job.threads);
   EXPECT_EQ(read->queue_timeout, job.queue_timeout);
   EXPECT_EQ(read->run_timeout, job.run_timeout);
+  EXPECT_EQ(read->deadline, job.deadline);
   EXPECT_TRUE(read->cancel_when_unwatched);
   EXPECT_EQ(read->inputs, job.inputs);
 }

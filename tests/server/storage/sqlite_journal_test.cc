@@ -88,7 +88,7 @@ JobRecord FullRecord() {
   record.id = "id";
   record.tenant = "tenant";
   record.state = JobState::kSucceeded;
-  record.progress = {3, 0.25, 0.5};
+  record.progress = {3, 0.25, 0.5, true};
   record.memory_estimate_bytes = std::int64_t{5} << 40;
   record.error = JobError{absl::StatusCode::kInternal, "REASON", "why: \"x\""};
   JobResult& result = record.result.emplace();
@@ -125,6 +125,7 @@ TEST(JobRecordCodecTest, EveryMemberComesBack) {
   ASSERT_THAT(decoded, IsOk());
   EXPECT_EQ(EncodeJobRecord(*decoded), bytes);
   EXPECT_EQ(decoded->progress.stage, 3);
+  EXPECT_TRUE(decoded->progress.has_map);
   EXPECT_EQ(decoded->result->stage_times[0].seconds, 0.5);
   EXPECT_EQ(decoded->result->parts[1].bytes, 8);
   EXPECT_EQ(decoded->result->info, FullRecord().result->info);
