@@ -17,7 +17,9 @@
 namespace isomatch {
 namespace {
 
-/// Rounds of alignment after which distinct maps are judged.
+/// Rounds of alignment after which distinct maps are first looked at, and those
+/// after which they are judged.
+constexpr int kFirstRounds = 2;
 constexpr int kJudgedRounds = 10;
 /// Rounds between two stiffnesses.
 constexpr int kRoundsPerStiffness = 2;
@@ -25,6 +27,9 @@ constexpr int kRoundsPerStiffness = 2;
 /// it is looked for.
 constexpr int kWaveletScales = 6;
 constexpr std::int64_t kFilterSamples = 1500;
+/// Maps that send this share of the vertices to one place are variants of each
+/// other, not images by a symmetry of the whole.
+constexpr double kPartlyOne = 0.2;
 /// How far DescriptorOffsets looks, and for one of how many vertices: what it
 /// finds is averaged over neighborhoods.
 constexpr double kOffsetReach = 0.12;
@@ -32,8 +37,7 @@ constexpr std::int64_t kOffsetEvery = 3;
 /// How far from its image a vertex of a part has its most alike one, at first,
 /// sqrt(area).
 constexpr double kAlikeReach = 0.03;
-/// Below these, factors of the rank value are rounding.
-constexpr double kPerfectRank = 1e-8;
+/// Below this, a misfit is rounding.
 constexpr double kPerfectFit = 1e-4;
 /// Of overlaps: how far a vertex may lie from its counterpart at first, and at
 /// last, sqrt(area); steps of the surface once it is known which are pulled.
@@ -51,22 +55,6 @@ constexpr double kLeastDistortion = 1e-3;
 constexpr double kDoublingBorder = 5;
 /// Stands for a misfit that is not finite: X cannot be laid on Y at all.
 constexpr double kNoFit = 1e6;
-
-/// Dense maps are one where this much of X, of which one vertex in so many is
-/// looked at, goes no farther apart, sqrt(area).
-constexpr double kSameMap = 0.8;
-constexpr std::size_t kEvery = 7;
-constexpr float kSamePlace = 0.1f;
-
-bool AreOne(const BasisPoints& basis_y, const VertexMap& a,
-            const VertexMap& b) {
-  std::size_t same = 0;
-  std::size_t compared = 0;
-  for (std::size_t x = 0; x < a.size(); x += kEvery, ++compared) {
-    same += basis_y.LowerBound(a[x], b[x]) <= kSamePlace;
-  }
-  return static_cast<double>(same) > kSameMap * static_cast<double>(compared);
-}
 
 AlignmentShape ShapeOf(const PreparedMesh& prepared,
                        const PointColumns& functions) {
@@ -89,6 +77,7 @@ CandidateChoice::CandidateChoice(const PreparedMesh& x, const PreparedMesh& y,
     : functions_{FunctionColumns(x.spectral, BasisSize(x, y, options)),
                  FunctionColumns(y.spectral, BasisSize(x, y, options))},
       spectral_{&x.spectral, &y.spectral},
+      basis_y_(y.hash.basis),
       x_(ShapeOf(x, functions_[kX])),
       y_(ShapeOf(y, functions_[kY])),
       surface_x_(SurfaceOf(x)),
@@ -212,8 +201,50 @@ absl::StatusOr<int> CandidateChoice::RunRounds(
   return end;
 }
 
+/// Squared difference between the descriptors of two vertices, where both have
+/// one.
+std::optional<double> CandidateChoice::Difference(VertexIndex x,
+                                                  VertexIndex y) const {
+  if (!described()) return std::nullopt;
+  const int of_x = descriptors_[kX]->column_of_vertex[x];
+  const int of_y = descriptors_[kY]->column_of_vertex[y];
+  if (of_x < 0 || of_y < 0) return std::nullopt;
+  return (descriptors_[kX]->columns.col(of_x) -
+          descriptors_[kY]->columns.col(of_y))
+      .squaredNorm();
+}
+
+double CandidateChoice::DenseMismatch(const VertexMap& y_from_x) const {
+  double mismatch = 0;
+  double area = 0;
+  for (VertexIndex x = 0; x < x_.mesh.num_vertices(); ++x) {
+    if (const auto difference = Difference(x, y_from_x[x])) {
+      mismatch += x_.laplacian.mass[x] * *difference;
+      area += x_.laplacian.mass[x];
+    }
+  }
+  return area > 0 ? mismatch / area : 0;
+}
+
+FirstSigns CandidateChoice::SignsOf(const ElasticAlignment& alignment,
+                                    const Candidate& candidate) const {
+  const AlignmentScore score = alignment.Score();
+  double moved = 0;
+  for (VertexIndex x = 0; x < x_.mesh.num_vertices(); ++x) {
+    moved +=
+        x_.laplacian.mass[x] * (y_.mesh.positions.row(alignment.y_from_x()[x]) -
+                                y_.mesh.positions.row(candidate.filtered[x]))
+                                   .norm();
+  }
+  return {score.stretch, score.normal_mismatch,
+          moved / x_.laplacian.mass.sum()};
+}
+
 absl::Status CandidateChoice::Judge(const ElasticAlignment& alignment,
-                                    MapScores* scores) const {
+                                    Candidate* candidate) const {
+  candidate->y_from_x = alignment.y_from_x();
+  candidate->matched = alignment.matched();
+  MapScores* const scores = &candidate->scores;
   const AlignmentScore score = alignment.Score();
   scores->stretch = score.stretch;
   if (masks()) {
@@ -231,17 +262,18 @@ absl::Status CandidateChoice::Judge(const ElasticAlignment& alignment,
                            ball_, stop_));
     misfit *= scores->descriptor_mismatch;
   }
+  if (!rule_) {
+    scores->rank_value = MisfitOf(*candidate, options_);
+    return absl::OkStatus();
+  }
   if (!std::isfinite(misfit)) misfit = kNoFit;
   misfit = std::max(misfit, kPerfectFit);
-  double rank = std::max(scores->rank_value, kPerfectRank);
-  if (rule_) {
-    // Values of maps that grew in two ways do not compare.
-    ISOMATCH_ASSIGN_OR_RETURN(const OverlapMisfit overlap,
-                              rule_->Misfit(alignment));
-    rank = std::max(overlap.distortion, kLeastDistortion) *
-           LandmarkPenalty(scores->landmark_contradiction);
-  }
-  scores->rank_value = rank * misfit * misfit;
+  // Values of maps that grew in two ways do not compare.
+  ISOMATCH_ASSIGN_OR_RETURN(const OverlapMisfit overlap,
+                            rule_->Misfit(alignment));
+  scores->rank_value = std::max(overlap.distortion, kLeastDistortion) *
+                       LandmarkPenalty(scores->landmark_contradiction) *
+                       misfit * misfit;
   return absl::OkStatus();
 }
 
@@ -255,15 +287,10 @@ absl::Status CandidateChoice::JudgeOverlap(const ElasticAlignment& alignment,
     const double area = x_.laplacian.mass[v];
     if (oriented_) worth -= area * alignment.NormalMismatch(v);
     worth += area * kWorth;
-    if (!described()) continue;
-    const int of_x = descriptors_[kX]->column_of_vertex[v];
-    const int of_y =
-        descriptors_[kY]->column_of_vertex[alignment.y_from_x()[v]];
-    if (of_x < 0 || of_y < 0) continue;
-    described_area += area;
-    mismatch += area * (descriptors_[kX]->columns.col(of_x) -
-                        descriptors_[kY]->columns.col(of_y))
-                           .squaredNorm();
+    if (const auto difference = Difference(v, alignment.y_from_x()[v])) {
+      described_area += area;
+      mismatch += area * *difference;
+    }
   }
   if (described_area > 0) {
     scores->descriptor_mismatch = mismatch / described_area;
@@ -308,36 +335,61 @@ absl::StatusOr<std::unique_ptr<ElasticAlignment>> CandidateChoice::Choose(
   ISOMATCH_RETURN_IF_ERROR(DescribeAlike());
   const int rounds = std::min(kJudgedRounds, options_.alignment_rounds);
   std::unique_ptr<ElasticAlignment> best;
-  double least = std::numeric_limits<double>::infinity();
+  Candidate* leading = nullptr;
   std::size_t judged = 0;
   for (; judged < candidates->size(); ++judged) {
     if (hurries() && (judged > 0 || !masks())) break;
     Candidate& candidate = (*candidates)[judged];
-    ISOMATCH_RETURN_IF_ERROR(Filter(&candidate.y_from_x));
-    candidate.filtered = candidate.y_from_x;
-    ISOMATCH_ASSIGN_OR_RETURN(std::unique_ptr<ElasticAlignment> alignment,
-                              LayOut(candidate));
     const auto report = [&](double fraction) {
       progress((double(judged) + fraction) /
                static_cast<double>(candidates->size()));
     };
-    ISOMATCH_ASSIGN_OR_RETURN(const int done,
-                              RunRounds(0, rounds, report, alignment.get()));
-    if (judged > 0 && done < rounds) break;  // does not compare
-    candidate.y_from_x = alignment->y_from_x();
-    candidate.matched = alignment->matched();
-    ISOMATCH_RETURN_IF_ERROR(Judge(*alignment, &candidate.scores));
-    if (best == nullptr || candidate.scores.rank_value < least) {
-      least = candidate.scores.rank_value;
+    ISOMATCH_ASSIGN_OR_RETURN(std::unique_ptr<ElasticAlignment> alignment,
+                              Begin(&candidate));
+    candidate.is_lost = leading != nullptr && IsLost(candidate, *leading);
+    if (!candidate.is_lost) {
+      ISOMATCH_ASSIGN_OR_RETURN(
+          const int done, RunRounds(std::min(kFirstRounds, rounds), rounds,
+                                    report, alignment.get()));
+      if (judged > 0 && done < rounds) break;  // does not compare
+    }
+    ISOMATCH_RETURN_IF_ERROR(Judge(*alignment, &candidate));
+    if (leading == nullptr || RanksBefore(candidate, *leading)) {
+      leading = &candidate;
       best = std::move(alignment);
     }
   }
   KeepFirst(std::max<std::size_t>(judged, 1), candidates);
-  std::stable_sort(candidates->begin(), candidates->end(),
-                   [](const Candidate& a, const Candidate& b) {
-                     return a.scores.rank_value < b.scores.rank_value;
-                   });
+  std::stable_sort(candidates->begin(), candidates->end(), RanksBefore);
+  RankLost(candidates);
   return best;
+}
+
+/// Refines a dense map and lays it out by the first rounds.
+absl::StatusOr<std::unique_ptr<ElasticAlignment>> CandidateChoice::Begin(
+    Candidate* candidate) const {
+  candidate->dense_mismatch = DenseMismatch(candidate->y_from_x);
+  ISOMATCH_RETURN_IF_ERROR(Filter(&candidate->y_from_x));
+  candidate->filtered = candidate->y_from_x;
+  ISOMATCH_ASSIGN_OR_RETURN(std::unique_ptr<ElasticAlignment> alignment,
+                            LayOut(*candidate));
+  const int rounds = std::min(kFirstRounds, options_.alignment_rounds);
+  ISOMATCH_RETURN_IF_ERROR(RunRounds(
+                               0, rounds, [](double) {}, alignment.get())
+                               .status());
+  candidate->y_from_x = alignment->y_from_x();
+  candidate->first_signs = SignsOf(*alignment, *candidate);
+  return alignment;
+}
+
+/// A map that sends nearly all elsewhere, as a mirror image or a half turn of
+/// the leading one does, is a rival to the end.
+bool CandidateChoice::IsLost(const Candidate& candidate,
+                             const Candidate& leading) const {
+  return !is_part() && oriented_ &&
+         IsFarBehind(candidate.first_signs, leading.first_signs) &&
+         ShareInPlace(basis_y_, candidate.y_from_x, leading.y_from_x) >
+             kPartlyOne;
 }
 
 absl::Status CandidateChoice::Finish(
@@ -364,42 +416,6 @@ absl::StatusOr<std::vector<float>> CandidateChoice::DescriptorOffsets(
             .norm());
   }
   return offsets;
-}
-
-void DropMirrored(std::vector<Candidate>* candidates) {
-  const auto mirrored = std::stable_partition(
-      candidates->begin(), candidates->end(), [](const Candidate& candidate) {
-        return candidate.scores.orientation_score >= 0;
-      });
-  if (mirrored != candidates->begin()) {
-    candidates->erase(mirrored, candidates->end());
-  }
-}
-
-void KeepFirst(std::size_t count, std::vector<Candidate>* candidates) {
-  candidates->erase(candidates->begin() + static_cast<std::ptrdiff_t>(count),
-                    candidates->end());
-}
-
-void DropRepeated(const BasisPoints& basis_y,
-                  std::vector<Candidate>* candidates) {
-  std::vector<Candidate> distinct;
-  for (Candidate& candidate : *candidates) {
-    if (std::none_of(
-            distinct.begin(), distinct.end(), [&](const Candidate& better) {
-              return AreOne(basis_y, candidate.y_from_x, better.y_from_x);
-            })) {
-      distinct.push_back(std::move(candidate));
-    }
-  }
-  *candidates = std::move(distinct);
-}
-
-double SymmetryConfidence(const MatchOptions& options,
-                          const std::vector<Candidate>& candidates) {
-  if (options.candidates == 1 || options.alignment_rounds == 0) return 0;
-  if (candidates.size() < 2) return 1;
-  return 1 - candidates[0].scores.rank_value / candidates[1].scores.rank_value;
 }
 
 }  // namespace isomatch

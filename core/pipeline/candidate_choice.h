@@ -1,7 +1,6 @@
 #pragma once
 
 #include <array>
-#include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -14,24 +13,13 @@
 #include "core/base/vertex_index.h"
 #include "core/descriptor/nearby_match.h"
 #include "core/geodesic/basis_points.h"
-#include "core/pipeline/correspondence.h"
+#include "core/pipeline/candidates.h"
 #include "core/pipeline/counterpart_rule.h"
 #include "core/pipeline/match_options.h"
 #include "core/pipeline/prepared_mesh.h"
 #include "core/pipeline/progress.h"
 
 namespace isomatch {
-
-/// A whole map that may be the result, as it grows. On working vertices.
-struct Candidate {
-  std::vector<VertexMatch> sparse;
-  VertexMap y_from_x;
-  VertexMap filtered;  ///< y_from_x before the elastic alignment
-  /// Not 0 for the vertices of X that have a counterpart; empty: all.
-  std::vector<char> matched;
-  MapScores scores;
-  double objective = 0;  ///< Eq. 4
-};
 
 /// Refines dense maps by descriptors, wavelet filter and elastic alignment, and
 /// chooses among them.
@@ -43,14 +31,15 @@ class CandidateChoice {
                   const MatchOptions& options, const StopTokens& stops);
 
   /// Refines every candidate's dense map and lays it out by the first rounds of
-  /// the elastic alignment; completes the scores and multiplies the rank value
-  /// of the first stage with the squared mismatches of normals and descriptors
-  /// (where surfaces are not oriented, with the squared stretch); of parts it
-  /// multiplies the distortion with them. Sorts by that and returns the
-  /// alignment of the best. Where both shapes are parts it also
-  /// finds which vertices are matched; there the rank value is divided by their
-  /// area, of which unlike places count less, and multiplied by what
-  /// CounterpartRule::Misfit says.
+  /// the elastic alignment; completes the scores, sorts by the rank value, and
+  /// returns the alignment of the best. The rank value of a whole map is
+  /// MisfitOf; one that is far behind after two rounds, and no image of the
+  /// leading one by a symmetry, is not looked at further. That of a part the
+  /// distortion times the squared mismatches of normals and descriptors. Where
+  /// both shapes are parts it is also found which vertices are matched; there
+  /// the rank value of the first stage is divided by their area, of which
+  /// unlike places count less, and multiplied by what CounterpartRule::Misfit
+  /// says.
   ///
   /// Once stops.hurry was requested, candidates that are not laid out yet are
   /// given up, the first one as far as it is; where that is not begun, which of
@@ -89,8 +78,16 @@ class CandidateChoice {
   /// Of overlaps: what is matched is pulled from then on.
   absl::Status Mask(int round, double stiffness,
                     ElasticAlignment* alignment) const;
+  /// Takes the map over and completes its scores.
   absl::Status Judge(const ElasticAlignment& alignment,
-                     MapScores* scores) const;
+                     Candidate* candidate) const;
+  std::optional<double> Difference(VertexIndex x, VertexIndex y) const;
+  double DenseMismatch(const VertexMap& y_from_x) const;
+  FirstSigns SignsOf(const ElasticAlignment& alignment,
+                     const Candidate& candidate) const;
+  absl::StatusOr<std::unique_ptr<ElasticAlignment>> Begin(
+      Candidate* candidate) const;
+  bool IsLost(const Candidate& candidate, const Candidate& leading) const;
   absl::Status JudgeOverlap(const ElasticAlignment& alignment,
                             MapScores* scores) const;
   bool hurries() const { return hurry_.stop_requested(); }
@@ -100,6 +97,7 @@ class CandidateChoice {
 
   const std::array<PointColumns, 2> functions_;
   const std::array<const SpectralBasis*, 2> spectral_;
+  const BasisPoints& basis_y_;
   const AlignmentShape x_;
   const AlignmentShape y_;
   const DescribedSurface surface_x_;
@@ -115,22 +113,5 @@ class CandidateChoice {
   std::array<ShapeDescriptors, 2> own_;
   std::optional<CounterpartRule> rule_;  ///< of parts
 };
-
-/// Leaves out those with a negative orientation score, unless all have one.
-void DropMirrored(std::vector<Candidate>* candidates);
-
-/// Leaves the first `count`. REQUIRES: there are as many.
-void KeepFirst(std::size_t count, std::vector<Candidate>* candidates);
-
-/// Of those that lead nearly all of X to about the same places on Y, whose
-/// basis is given, leaves the first: what grew in two ways may end as one map,
-/// which is no rival. REQUIRES: dense maps.
-void DropRepeated(const BasisPoints& basis_y,
-                  std::vector<Candidate>* candidates);
-
-/// 1 - rank value of the best / of the next; 1 without a next, 0 when nothing
-/// was compared. REQUIRES: sorted.
-double SymmetryConfidence(const MatchOptions& options,
-                          const std::vector<Candidate>& candidates);
 
 }  // namespace isomatch

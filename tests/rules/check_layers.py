@@ -96,7 +96,7 @@ FLOORS = {folder: [set(names.split()) for names in floors] for folder, floors in
         "correspondence instruction_set joined_progress match_options memory_estimate"
         " prepared_shape progress verdict",
         "memory_plan progress_reporter stage_plan",
-        "prepared_mesh",
+        "candidates prepared_mesh",
         "candidate_choice component_matching confidence counterpart_rule landmarks lifting"
         " part_start preparation relation_search user_numbering",
         "conclusion prepared_shape_io quality_report shape_contents",

@@ -1,0 +1,219 @@
+#include "core/pipeline/candidate_choice.h"
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <fstream>
+#include <limits>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "core/base/random_stream.h"
+#include "core/evaluation/geodesic_error.h"
+#include "core/pipeline/matcher.h"
+#include "core/pipeline/preparation.h"
+#include "core/pipeline/stage_plan.h"
+#include "tests/support/draco_file.h"
+#include "tests/support/matchers.h"
+#include "tests/support/shapes.h"
+
+namespace isomatch {
+namespace {
+
+/// Signs against a map, all so many times what they are of another.
+Candidate WithSigns(double factor) {
+  Candidate candidate;
+  candidate.scores.curvature_mismatch = 2 * factor;
+  candidate.scores.normal_mismatch = 0.03 * factor;
+  candidate.scores.descriptor_mismatch = 0.4 * factor;
+  candidate.dense_mismatch = 0.5 * factor;
+  candidate.first_signs = {0.05 * factor, 0.06 * factor, 0.02 * factor};
+  return candidate;
+}
+
+TEST(MisfitOfTest, IsAProductOfPowers) {
+  const MatchOptions options;
+  const double one = MisfitOf(WithSigns(1), options);
+  EXPECT_NEAR(one, 2 * 2 * 0.03 * 0.4 * 0.4 * 0.0625 * 0.05, 1e-12);
+  EXPECT_NEAR(MisfitOf(WithSigns(2), options), 1024 * one, 1e-9);
+  // Eq. 8 tells nothing here.
+  Candidate other = WithSigns(1);
+  other.scores.embedding_error = 7;
+  EXPECT_EQ(MisfitOf(other, options), one);
+  other.scores.landmark_contradiction = 1;
+  EXPECT_GT(MisfitOf(other, options), 2 * one);
+}
+
+TEST(MisfitOfTest, WhatIsPerfectOrNoNumberCompares) {
+  const MatchOptions options;
+  const double perfect = MisfitOf(Candidate(), options);
+  EXPECT_GT(perfect, 0);
+  EXPECT_LT(perfect, MisfitOf(WithSigns(1), options));
+  Candidate broken = WithSigns(1);
+  broken.first_signs.stretch = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_GT(MisfitOf(broken, options), MisfitOf(WithSigns(1.2), options));
+}
+
+TEST(IsFarBehindTest, TwoSignsHaveToSaySoEachAlone) {
+  const FirstSigns leading = {0.05, 0.06, 0.02};
+  EXPECT_TRUE(IsFarBehind({0.15, 0.12, 0.04}, leading));
+  EXPECT_FALSE(IsFarBehind({0.1, 0.09, 0.03}, leading));   // not far
+  EXPECT_FALSE(IsFarBehind({5, 0.06, 0.06}, leading));     // not by normals
+  EXPECT_FALSE(IsFarBehind({5, 0.18, 0.02}, leading));     // not by movement
+  EXPECT_FALSE(IsFarBehind(leading, {0.15, 0.12, 0.04}));  // ahead
+}
+
+TEST(RankLostTest, WhatWasGivenUpMakesNothingSure) {
+  std::vector<Candidate> candidates(3);
+  candidates[0].scores.rank_value = 2;
+  candidates[1].scores.rank_value = 9;
+  candidates[2].scores.rank_value = 1;
+  candidates[2].is_lost = true;
+  EXPECT_TRUE(RanksBefore(candidates[1], candidates[2]));
+  RankLost(&candidates);
+  EXPECT_EQ(candidates[2].scores.rank_value, 9);
+  candidates.erase(candidates.begin() + 1);
+  candidates[1].scores.rank_value = 1e9;
+  RankLost(&candidates);
+  EXPECT_LT(SymmetryConfidence(MatchOptions(), candidates), 0.7);
+}
+
+TEST(SymmetryConfidenceTest, IsHowFarTheNextIsBehind) {
+  std::vector<Candidate> candidates(2);
+  candidates[0].scores.rank_value = 1;
+  candidates[1].scores.rank_value = 4;
+  const MatchOptions options;
+  EXPECT_EQ(SymmetryConfidence(options, candidates), 0.75);
+  KeepFirst(1, &candidates);
+  EXPECT_EQ(SymmetryConfidence(options, candidates), 1);
+}
+
+/// Two poses of a body, prepared; maps are planted as candidates.
+class CandidateChoiceTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    const std::string dir = ISOMATCH_TEST_DATA;
+    x_ = ReadDracoFile(dir + "/r1k_m_rest.drc").value();
+    y_ = ReadDracoFile(dir + "/r1k_m_sit.drc").value();
+    truth_.resize(x_.num_vertices());
+    std::ifstream file(dir + "/gt_r1k_m_rest__r1k_m_sit.txt");
+    for (VertexIndex& y : truth_) file >> y;
+    ASSERT_TRUE(file);
+    const auto found = Match(x_, y_, {}, options_);
+    ASSERT_THAT(found, IsOk());
+    ASSERT_FALSE(found->alternatives.empty());
+    // The half turn: it keeps orientation, and nearly all distances.
+    loser_ = found->alternatives[0].y_from_x;
+    ProgressReporter progress({}, StagePlan(options_));
+    ASSERT_THAT(PrepareMeshes({MeshToPrepare{Clean(x_, {}).value(), "mesh_x"},
+                               MeshToPrepare{Clean(y_, {}).value(), "mesh_y"}},
+                              options_, &progress, {}, &prepared_),
+                IsOk());
+    loser_ = Working(loser_);
+    winner_ = Working(truth_);
+    ASSERT_GT(ErrorOf(loser_), 0.1);
+    ASSERT_LT(ErrorOf(winner_), 1e-9);
+  }
+
+  /// A map between the vertices as they are numbered in preparation.
+  VertexMap Working(const VertexMap& map) const {
+    VertexMap working;
+    for (const VertexIndex x : prepared_[kX].solved().user_from_working) {
+      working.push_back(prepared_[kY].solved().working_from_user[map[x]]);
+    }
+    return working;
+  }
+
+  /// `map`: a working one.
+  static Candidate Planted(const VertexMap& map, double embedding_error) {
+    Candidate candidate;
+    candidate.y_from_x = map;
+    candidate.scores.embedding_error = embedding_error;
+    candidate.scores.curvature_mismatch = 3;
+    candidate.scores.rank_value = embedding_error;
+    return candidate;
+  }
+
+  /// Every image walks so many edges in random directions: maps that grew from
+  /// matches are off like that.
+  VertexMap Rough(VertexMap map, int steps) const {
+    RandomStream random(/*random_seed=*/1, /*index=*/1);
+    for (VertexIndex& y : map) {
+      for (int step = 0; step < steps; ++step) {
+        const auto near = prepared_[kY].solved().stars.Neighbors(y);
+        y = near[random.Below(static_cast<std::int64_t>(near.size()))];
+      }
+    }
+    return map;
+  }
+
+  /// Sorts them; the first was chosen.
+  void Choose(std::vector<Candidate>* candidates) const {
+    const StopTokens stops;
+    CandidateChoice choice(prepared_[kX], prepared_[kY], options_, stops);
+    const auto alignment = choice.Choose([](double) {}, candidates);
+    ASSERT_THAT(alignment, IsOk());
+    ASSERT_NE(*alignment, nullptr);
+    EXPECT_EQ((*alignment)->y_from_x(), candidates->front().y_from_x);
+  }
+
+  double ErrorOf(const VertexMap& working) const {
+    VertexMap map(working.size());
+    for (std::size_t x = 0; x < working.size(); ++x) {
+      map[prepared_[kX].solved().user_from_working[x]] =
+          prepared_[kY].solved().user_from_working[working[x]];
+    }
+    return GeodesicErrorMeter(y_).Measure(map, truth_)->mean_over_diameter;
+  }
+
+  const MatchOptions options_;
+  TriangleMesh x_;
+  TriangleMesh y_;
+  VertexMap truth_;
+  VertexMap loser_;   ///< working
+  VertexMap winner_;  ///< working
+  std::array<PreparedMesh, 2> prepared_;
+};
+
+TEST_F(CandidateChoiceTest, APlantedLoserLosesHoweverFarItLed) {
+  std::vector<Candidate> candidates = {Planted(Rough(loser_, 2), 0.001),
+                                       Planted(Rough(winner_, 2), 0.1)};
+  Choose(&candidates);
+  ASSERT_EQ(candidates.size(), 2u);
+  EXPECT_LT(ErrorOf(candidates[0].y_from_x), 0.03);
+  EXPECT_GT(ErrorOf(candidates[1].y_from_x), 0.1);
+  EXPECT_GT(SymmetryConfidence(options_, candidates), 0.5);
+}
+
+// What begins badly must not be given up for what begins well.
+TEST_F(CandidateChoiceTest, ARougherMapThatIsRightWins) {
+  std::vector<Candidate> candidates = {Planted(Rough(loser_, 2), 0.001),
+                                       Planted(Rough(winner_, 3), 0.1)};
+  Choose(&candidates);
+  EXPECT_LT(ErrorOf(candidates[0].y_from_x), 0.03);
+}
+
+TEST_F(CandidateChoiceTest, TheirOrderDecidesNothing) {
+  std::vector<Candidate> one = {Planted(Rough(loser_, 2), 0.001),
+                                Planted(Rough(winner_, 2), 0.1)};
+  std::vector<Candidate> other = {one[1], one[0]};
+  Choose(&one);
+  Choose(&other);
+  for (int i = 0; i < 2; ++i) {
+    EXPECT_EQ(one[i].y_from_x, other[i].y_from_x);
+    EXPECT_EQ(one[i].scores.rank_value, other[i].scores.rank_value);
+  }
+}
+
+TEST_F(CandidateChoiceTest, OneAndTheSameMapIsNoClearWinner) {
+  std::vector<Candidate> candidates = {Planted(winner_, 0.001),
+                                       Planted(winner_, 0.1)};
+  Choose(&candidates);
+  EXPECT_EQ(SymmetryConfidence(options_, candidates), 0);
+}
+
+}  // namespace
+}  // namespace isomatch
