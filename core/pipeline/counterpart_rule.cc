@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/base/parallel.h"
 #include "core/base/status_macros.h"
+#include "core/geodesic/basis_points.h"
 #include "core/geodesic/rim_distance.h"
 
 namespace isomatch {
@@ -112,30 +112,31 @@ absl::StatusOr<OverlapMisfit> CounterpartRule::Misfit(
   const VertexMap& y_from_x = alignment.y_from_x();
   const VertexIndex step = std::max<VertexIndex>(1, n / kSources);
   std::vector<VertexIndex> sources;
+  std::vector<VertexIndex> images;
   for (VertexIndex x = 0; x < n; x += step) {
-    if (matched[x]) sources.push_back(x);
+    if (!matched[x]) continue;
+    sources.push_back(x);
+    images.push_back(y_from_x[x]);
   }
-  std::vector<double> sums(sources.size());
-  std::int64_t others = 0;
-  for (VertexIndex x = 0; x < n; x += kOthers) others += matched[x];
-  ISOMATCH_RETURN_IF_ERROR(ParallelFor(
-      static_cast<std::int64_t>(sources.size()), stop_, [&](std::int64_t i) {
-        DistanceFieldSolver::Workspace workspace;
-        std::vector<float> on_x(n);
-        std::vector<float> on_y(solved_y_.mesh.num_vertices());
-        solver_x_.Solve(sources[i], on_x.data(), 1, &workspace);
-        solver_y_.Solve(y_from_x[sources[i]], on_y.data(), 1, &workspace);
-        for (VertexIndex x = 0; x < n; x += kOthers) {
-          if (!matched[x]) continue;
-          sums[i] += std::min<double>(kMostDifference,
-                                      std::abs(on_x[x] - on_y[y_from_x[x]]));
-        }
-      }));
   OverlapMisfit misfit;
-  for (const double sum : sums) misfit.distortion += sum;
-  if (others > 0 && !sources.empty()) {
-    misfit.distortion /=
-        static_cast<double>(others) * static_cast<double>(sources.size());
+  if (!sources.empty()) {
+    ISOMATCH_ASSIGN_OR_RETURN(
+        const BasisPoints on_x,
+        BasisPoints::Create(solver_x_, sources, nullptr, stop_));
+    ISOMATCH_ASSIGN_OR_RETURN(
+        const BasisPoints on_y,
+        BasisPoints::Create(solver_y_, images, nullptr, stop_));
+    std::int64_t compared = 0;
+    for (VertexIndex x = 0; x < n; x += kOthers) {
+      if (!matched[x]) continue;
+      const float* const from_x = on_x.Profile(x);
+      const float* const from_y = on_y.Profile(y_from_x[x]);
+      for (std::size_t i = 0; i < sources.size(); ++i, ++compared) {
+        misfit.distortion +=
+            std::min<double>(kMostDifference, std::abs(from_x[i] - from_y[i]));
+      }
+    }
+    if (compared > 0) misfit.distortion /= static_cast<double>(compared);
   }
   if (!alignment.matched().empty()) misfit.open_border = OpenBorder(alignment);
   return misfit;

@@ -91,9 +91,8 @@ class MatchRun {
           pools_[side],
           PointPool::Create(*closeness_[side], PoolVerticesOf(side), stop_));
       // Matches move their images on Y only.
-      if (side == kY) {
-        ISOMATCH_RETURN_IF_ERROR(pools_[side].ListNearest(stop_));
-      }
+      ISOMATCH_RETURN_IF_ERROR(side == kY ? pools_[side].ListNearest(stop_)
+                                          : absl::OkStatus());
       if (options_.candidates_from_environments) {
         search_[side] = CandidateSearch(shape(side).hash.basis, pools_[side]);
       }

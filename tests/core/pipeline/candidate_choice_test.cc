@@ -169,7 +169,7 @@ class CandidateChoiceTest : public testing::Test {
     return GeodesicErrorMeter(y_).Measure(map, truth_)->mean_over_diameter;
   }
 
-  const MatchOptions options_;
+  MatchOptions options_;
   TriangleMesh x_;
   TriangleMesh y_;
   VertexMap truth_;
