@@ -127,14 +127,17 @@ class Control {
     }
     control_.stop = stop_.get_token();
     if (control == nullptr) return;
-    if (control->progress != nullptr) {
-      control_.progress = [this, control](const isomatch::Progress& progress) {
-        const int ends = control->progress(
-            control->user, isomatch::StageName(progress.stage),
-            progress.stage_fraction, progress.total_fraction);
-        if (ends != 0) stop_.request_stop();
-      };
-    }
+    if (control->cancel != nullptr) control->cancel->has_map = false;
+    control_.progress = [this, control](const isomatch::Progress& progress) {
+      if (control->cancel != nullptr) {
+        control->cancel->has_map = progress.has_map;
+      }
+      if (control->progress == nullptr) return;
+      const int ends =
+          control->progress(control->user, isomatch::StageName(progress.stage),
+                            progress.stage_fraction, progress.total_fraction);
+      if (ends != 0) stop_.request_stop();
+    };
     if (control->cancel != nullptr) {
       passes_on_.emplace(control->cancel->stop.get_token(),
                          [this] { stop_.request_stop(); });
@@ -370,6 +373,10 @@ isomatch_cancel* isomatch_cancel_new() {
 
 void isomatch_cancel_request(isomatch_cancel* cancel) {
   cancel->stop.request_stop();
+}
+
+int isomatch_cancel_has_map(const isomatch_cancel* cancel) {
+  return cancel->has_map ? 1 : 0;
 }
 
 void isomatch_cancel_free(isomatch_cancel* cancel) { delete cancel; }

@@ -104,8 +104,8 @@ typedef struct isomatch_landmark {
  *   the map lifted to all vertices; 0: never
  * - "deadline_milliseconds": 0: none; of isomatch_match with the default
  *   profile: then the best map there is becomes the result, the first whole one
- *   at least, as figure "ended_early" says; more time gives no worse one, and
- *   which one it is depends on how fast the machine is
+ *   at least, as figure "ended_early" says; more time gives a better one on
+ *   average, and which one it is depends on how fast the machine is
  * - "match_components": 1: large components are matched one by one; or 0
  * - "landmarks_exact": 0; 1: landmarks are kept even if the rest contradicts
  *   them
@@ -133,14 +133,17 @@ ISOMATCH_API isomatch_cancel* isomatch_cancel_new(void);
  * ISOMATCH_CANCELLED: within a quarter of a second, but for the first steps of
  * meshes of a million vertices. For any thread, but for no signal handler. */
 ISOMATCH_API void isomatch_cancel_request(isomatch_cancel* cancel);
+/* 1 once the call that it was given to last has a whole map, which
+ * "deadline_milliseconds" would end with, else 0. For any thread, during the
+ * call as well. */
+ISOMATCH_API int isomatch_cancel_has_map(const isomatch_cancel* cancel);
 ISOMATCH_API void isomatch_cancel_free(isomatch_cancel* cancel);
 
 /* How a call is followed, and ended. NULL where it is taken is neither. */
 typedef struct isomatch_control {
   /* Called by one thread at a time, not always the caller's, with a stage as
    * "first insertion", how far that is, and how far all is, 0 to 1, which never
-   * falls. Of one component, and a relation that is told, a whole map is there
-   * from "choice" on. Has to be quick. Anything but 0 cancels. May be NULL. */
+   * falls. Has to be quick. Anything but 0 cancels. May be NULL. */
   int (*progress)(void* user, const char* stage, double stage_fraction,
                   double total_fraction);
   void* user;

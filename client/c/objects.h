@@ -1,5 +1,6 @@
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <stop_token>
 #include <string>
@@ -27,6 +28,7 @@ struct isomatch_options {
 
 struct isomatch_cancel {
   std::stop_source stop;
+  mutable std::atomic<bool> has_map = false;  ///< of the call that it watches
 };
 
 struct isomatch_shape {

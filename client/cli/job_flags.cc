@@ -51,8 +51,7 @@ void AddDeadlineFlag(CLI::App* command, JobOptions* options) {
       ->add_option_function<std::string>(
           "--deadline", set,
           "Take the best map there is once the job has run this long, e.g. "
-          "300ms; the first whole one is waited for, and more time gives no "
-          "worse one")
+          "300ms; the first whole one is waited for; with --profile default")
       ->type_name("DURATION");
 }
 

@@ -72,7 +72,7 @@ absl::Status InFlagWords(const absl::Status& status) {
                            {"options.relation", "--relation"},
                            {"options.scale", "--scale"},
                            {"options.profile", "--profile"},
-                           {"deadline: set", "--deadline: set"}}));
+                           {"deadline: ", "--deadline: "}}));
 }
 
 }  // namespace isomatch

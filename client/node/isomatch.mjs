@@ -211,7 +211,7 @@ export async function createJob(client, meshX, meshY, {
     }
     return call(client, 'CreateJob', {
       meshX: messages[0], meshY: messages[1], landmarks, options, requestId,
-      ...deadline && {deadline: durationOf(deadline)},
+      ...deadline !== undefined && {deadline: durationOf(deadline)},
       disconnectPolicy: 'DISCONNECT_POLICY_CANCEL',  // if we vanish
     });
   };

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
-#include <limits>
 #include <utility>
 
 #include "core/base/parallel.h"
@@ -214,7 +213,7 @@ std::optional<double> CandidateChoice::Difference(VertexIndex x,
       .squaredNorm();
 }
 
-double CandidateChoice::DenseMismatch(const VertexMap& y_from_x) const {
+double CandidateChoice::LookedUpMismatch(const VertexMap& y_from_x) const {
   double mismatch = 0;
   double area = 0;
   for (VertexIndex x = 0; x < x_.mesh.num_vertices(); ++x) {
@@ -263,7 +262,7 @@ absl::Status CandidateChoice::Judge(const ElasticAlignment& alignment,
     misfit *= scores->descriptor_mismatch;
   }
   if (!rule_) {
-    scores->rank_value = MisfitOf(*candidate, options_);
+    scores->rank_value = MisfitOf(*candidate, oriented_, options_);
     return absl::OkStatus();
   }
   if (!std::isfinite(misfit)) misfit = kNoFit;
@@ -332,6 +331,10 @@ absl::StatusOr<std::unique_ptr<ElasticAlignment>> CandidateChoice::LayOut(
 absl::StatusOr<std::unique_ptr<ElasticAlignment>> CandidateChoice::Choose(
     const std::function<void(double)>& progress,
     std::vector<Candidate>* candidates) {
+  if (hurries() && !masks()) {
+    KeepFirst(1, candidates);
+    return nullptr;
+  }
   ISOMATCH_RETURN_IF_ERROR(DescribeAlike());
   const int rounds = std::min(kJudgedRounds, options_.alignment_rounds);
   std::unique_ptr<ElasticAlignment> best;
@@ -347,12 +350,14 @@ absl::StatusOr<std::unique_ptr<ElasticAlignment>> CandidateChoice::Choose(
     ISOMATCH_ASSIGN_OR_RETURN(std::unique_ptr<ElasticAlignment> alignment,
                               Begin(&candidate));
     candidate.is_lost = leading != nullptr && IsLost(candidate, *leading);
-    if (!candidate.is_lost) {
-      ISOMATCH_ASSIGN_OR_RETURN(
-          const int done, RunRounds(std::min(kFirstRounds, rounds), rounds,
-                                    report, alignment.get()));
-      if (judged > 0 && done < rounds) break;  // does not compare
+    if (candidate.is_lost) {
+      JudgeLost(&candidate);
+      continue;
     }
+    ISOMATCH_ASSIGN_OR_RETURN(const int done,
+                              RunRounds(std::min(kFirstRounds, rounds), rounds,
+                                        report, alignment.get()));
+    if (judged > 0 && done < rounds) break;  // does not compare
     ISOMATCH_RETURN_IF_ERROR(Judge(*alignment, &candidate));
     if (leading == nullptr || RanksBefore(candidate, *leading)) {
       leading = &candidate;
@@ -368,7 +373,9 @@ absl::StatusOr<std::unique_ptr<ElasticAlignment>> CandidateChoice::Choose(
 /// Refines a dense map and lays it out by the first rounds.
 absl::StatusOr<std::unique_ptr<ElasticAlignment>> CandidateChoice::Begin(
     Candidate* candidate) const {
-  candidate->dense_mismatch = DenseMismatch(candidate->y_from_x);
+  if (!is_part()) {
+    candidate->dense_mismatch = LookedUpMismatch(candidate->y_from_x);
+  }
   ISOMATCH_RETURN_IF_ERROR(Filter(&candidate->y_from_x));
   candidate->filtered = candidate->y_from_x;
   ISOMATCH_ASSIGN_OR_RETURN(std::unique_ptr<ElasticAlignment> alignment,
@@ -378,8 +385,15 @@ absl::StatusOr<std::unique_ptr<ElasticAlignment>> CandidateChoice::Begin(
                                0, rounds, [](double) {}, alignment.get())
                                .status());
   candidate->y_from_x = alignment->y_from_x();
-  candidate->first_signs = SignsOf(*alignment, *candidate);
+  if (!is_part()) candidate->first_signs = SignsOf(*alignment, *candidate);
   return alignment;
+}
+
+/// What is known of a map that is given up.
+void CandidateChoice::JudgeLost(Candidate* candidate) const {
+  candidate->scores.stretch = candidate->first_signs.stretch;
+  candidate->scores.normal_mismatch = candidate->first_signs.normals;
+  candidate->scores.descriptor_mismatch = LookedUpMismatch(candidate->y_from_x);
 }
 
 /// A map that sends nearly all elsewhere, as a mirror image or a half turn of
@@ -392,13 +406,12 @@ bool CandidateChoice::IsLost(const Candidate& candidate,
              kPartlyOne;
 }
 
-absl::Status CandidateChoice::Finish(
+absl::StatusOr<int> CandidateChoice::Finish(
     bool from_start, const std::function<void(double)>& progress,
     ElasticAlignment* alignment) const {
   const int begin =
       from_start ? 0 : std::min(kJudgedRounds, options_.alignment_rounds - 1);
-  return RunRounds(begin, options_.alignment_rounds, progress, alignment)
-      .status();
+  return RunRounds(begin, options_.alignment_rounds, progress, alignment);
 }
 
 absl::StatusOr<std::vector<float>> CandidateChoice::DescriptorOffsets(

@@ -34,16 +34,16 @@ class CandidateChoice {
   /// the elastic alignment; completes the scores, sorts by the rank value, and
   /// returns the alignment of the best. The rank value of a whole map is
   /// MisfitOf; one that is far behind after two rounds, and no image of the
-  /// leading one by a symmetry, is not looked at further. That of a part the
-  /// distortion times the squared mismatches of normals and descriptors. Where
-  /// both shapes are parts it is also found which vertices are matched; there
-  /// the rank value of the first stage is divided by their area, of which
-  /// unlike places count less, and multiplied by what CounterpartRule::Misfit
-  /// says.
+  /// leading one by a symmetry, is given up: its scores are those of then, its
+  /// rank value a bound. The rank value of a part is the distortion times the
+  /// squared mismatches of normals and descriptors. Where both shapes are parts
+  /// it is also found which vertices are matched; there the rank value of the
+  /// first stage is divided by their area, of which unlike places count less,
+  /// and multiplied by what CounterpartRule::Misfit says.
   ///
-  /// Once stops.hurry was requested, candidates that are not laid out yet are
-  /// given up, the first one as far as it is; where that is not begun, which of
-  /// an overlap it always is, its dense map stays and nullptr is returned.
+  /// Once stops.hurry was requested, candidates that are not judged yet are
+  /// removed, but for the first one, which stays as it is: a dense map, and
+  /// nullptr is returned, if nothing was begun. An overlap's is always begun.
   ///
   /// REQUIRES: at least one candidate, all dense. Errors as ElasticAlignment.
   absl::StatusOr<std::unique_ptr<ElasticAlignment>> Choose(
@@ -51,11 +51,11 @@ class CandidateChoice {
       std::vector<Candidate>* candidates);
 
   /// The rounds that Choose has left, at least one; all of them anew when
-  /// `from_start`, as landmarks fixed in between need. In a hurry no more than
-  /// those of a stiffness. REQUIRES: Choose, which was in none.
-  absl::Status Finish(bool from_start,
-                      const std::function<void(double)>& progress,
-                      ElasticAlignment* alignment) const;
+  /// `from_start`, as landmarks fixed in between need. Returns how far it came:
+  /// to the last round, but in a hurry. REQUIRES: Choose.
+  absl::StatusOr<int> Finish(bool from_start,
+                             const std::function<void(double)>& progress,
+                             ElasticAlignment* alignment) const;
 
   /// How far from the image of each vertex of X, in sqrt(area), the vertex near
   /// it with the most alike descriptor lies; -1 where nothing is described.
@@ -82,11 +82,12 @@ class CandidateChoice {
   absl::Status Judge(const ElasticAlignment& alignment,
                      Candidate* candidate) const;
   std::optional<double> Difference(VertexIndex x, VertexIndex y) const;
-  double DenseMismatch(const VertexMap& y_from_x) const;
+  double LookedUpMismatch(const VertexMap& y_from_x) const;
   FirstSigns SignsOf(const ElasticAlignment& alignment,
                      const Candidate& candidate) const;
   absl::StatusOr<std::unique_ptr<ElasticAlignment>> Begin(
       Candidate* candidate) const;
+  void JudgeLost(Candidate* candidate) const;
   bool IsLost(const Candidate& candidate, const Candidate& leading) const;
   absl::Status JudgeOverlap(const ElasticAlignment& alignment,
                             MapScores* scores) const;

@@ -20,9 +20,9 @@ constexpr double kEndlessSign = 1e6;
 /// core/EXPERIMENTS.md, "Choice among distinct maps".
 constexpr double kFarBehind = 8;
 constexpr double kWorse = 1.25;
-/// How many times worse than the best a map that was given up is at least, as
-/// 98 % of those are.
-constexpr double kLostBy = 3;
+/// How many times worse than the best a map that was given up is at least: the
+/// nearest of those was.
+constexpr double kLostBy = 1.6;
 
 /// Dense maps are one where this much of X is in one place.
 constexpr double kSameMap = 0.8;
@@ -33,7 +33,8 @@ constexpr float kSamePlace = 0.1f;
 
 }  // namespace
 
-double MisfitOf(const Candidate& candidate, const MatchOptions& options) {
+double MisfitOf(const Candidate& candidate, bool oriented,
+                const MatchOptions& options) {
   const MapScores& scores = candidate.scores;
   double misfit = LandmarkPenalty(scores.landmark_contradiction);
   const auto multiply = [&](double sign, double power) {
@@ -44,7 +45,7 @@ double MisfitOf(const Candidate& candidate, const MatchOptions& options) {
   multiply(scores.curvature_mismatch, 2 * options.curvature_weight);
   multiply(candidate.dense_mismatch, 4);
   multiply(candidate.first_signs.stretch, 1);
-  multiply(scores.normal_mismatch, 1);
+  multiply(oriented ? scores.normal_mismatch : scores.stretch, 1);
   multiply(scores.descriptor_mismatch, 2);
   return misfit;
 }

@@ -34,13 +34,15 @@ struct Candidate {
   bool is_lost = false;
 };
 
-/// The rank value of a map of whole shapes: the product of powers of the
-/// mismatches of curvature, of descriptors before and after the alignment, of
-/// the stretch after its first rounds and of the normals after its last, each 0
-/// of a perfect map. How well sparse matches keep distances (Eq. 8) is not in
-/// it: among maps that came so far it tells nothing more (core/EXPERIMENTS.md,
-/// "Choice among distinct maps"). Not in the paper.
-double MisfitOf(const Candidate& candidate, const MatchOptions& options);
+/// The rank value of a map of whole shapes: curvature^2 (curvature_weight
+/// times) x dense_mismatch^4 x first_signs.stretch x normals x descriptors^2,
+/// the last two after the judged rounds, each 0 of a perfect map; where
+/// surfaces are not oriented, the stretch after those in place of the normals.
+/// How well sparse matches keep distances (Eq. 8) is not in it: among maps that
+/// came so far it tells nothing more (core/EXPERIMENTS.md, "Choice among
+/// distinct maps"). Not in the paper.
+double MisfitOf(const Candidate& candidate, bool oriented,
+                const MatchOptions& options);
 
 /// Whether a map need not be looked at further: by all first signs together,
 /// and by normals and movement, which are independent, each alone.

@@ -102,8 +102,8 @@ struct MatchOptions {
   /// not are taken out and grown anew from their rim. Not in the paper.
   bool regrow_mirrored = true;
   /// Complete competing maps rank by their embedding error times this power of
-  /// their curvature mismatch; 0 leaves curvature out. In [0, 10]. Not in the
-  /// paper.
+  /// their curvature mismatch, and distinct ones in the end by twice the power;
+  /// 0 leaves curvature out. In [0, 10]. Not in the paper.
   double curvature_weight = 1;
   /// Radius of the features that curvature speaks of. In [0.001, 1].
   double curvature_radius = 0.03;

@@ -323,11 +323,11 @@ class MatchRun {
           candidates_[i].y_from_x,
           DenseMapFromMatches(DenseSurface(kX), DenseSurface(kY),
                               candidates_[i].sparse, stop_));
+      // Of an overlap it is not known yet what is matched.
+      if (options_.relation != Relation::kOverlap) progress_.FoundMap();
     }
     has_unknown_rivals_ = i < candidates_.size();
     KeepFirst(i, &candidates_);
-    // What of an overlap is matched is known once it is laid out.
-    if (options_.relation != Relation::kOverlap) progress_.FoundMap();
     Keep(Stage::kDense);
     return absl::OkStatus();
   }
@@ -400,8 +400,8 @@ class MatchRun {
     SettleLandmarks();
     if (options_.alignment_rounds == 0) return absl::OkStatus();
     progress_.Begin(Stage::kAlignment);
-    result_.ended_early = alignment_ == nullptr;  // there was no time for one
-    if (result_.ended_early) return absl::OkStatus();
+    result_.ended_early = hurries();
+    if (alignment_ == nullptr) return absl::OkStatus();  // there was no time
     std::vector<VertexMatch> kept;
     for (const WorkingLandmark& landmark : landmarks_) {
       if (result_.landmarks[landmark.index].kept) {
@@ -413,11 +413,12 @@ class MatchRun {
           return alignment_->y_from_x()[landmark.x] != landmark.y;
         });
     alignment_->Fix(kept);
-    if (moved || !hurries()) {
-      ISOMATCH_RETURN_IF_ERROR(
+    if (!result_.ended_early) {
+      ISOMATCH_ASSIGN_OR_RETURN(
+          const int done,
           choice_->Finish(moved, progress_.Share(0, 1), alignment_.get()));
+      result_.ended_early = done < options_.alignment_rounds;
     }
-    result_.ended_early = hurries();
     best().y_from_x = alignment_->y_from_x();
     best().matched = alignment_->matched();
     ISOMATCH_ASSIGN_OR_RETURN(offsets_,
@@ -437,12 +438,12 @@ class MatchRun {
                   offsets_, part_ == nullptr ? 1 : part_->scale},
                  options_, stop_, &result_));
     if (has_unknown_rivals_) result_.symmetry_confidence = 0;
+    progress_.FoundMap();
     progress_.Finish();
     return absl::OkStatus();
   }
 
   bool hurries() const { return stops_.hurry.stop_requested(); }
-
   VertexMap UserMap(const VertexMap& y_from_x) const {
     return ToUserMap(solved(kX), solved(kY), y_from_x);
   }

@@ -193,7 +193,9 @@ double CopiedBytes(const FullBytes& full, const ShapeBytes& solved) {
 /// matched. `n`: vertices of both shapes.
 double RuleBytes(double stencils, double n, const MatchOptions& options) {
   if (options.relation == Relation::kWhole) return 0;
-  return stencils + kWorkspacePerVertex * n * Threads(options);
+  constexpr double kMostSources = 80;
+  return stencils + kWorkspacePerVertex * n * Threads(options) +
+         4 * kMostSources * n;
 }
 
 /// The two best maps yet of what is looked for again, on all vertices.

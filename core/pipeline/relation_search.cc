@@ -135,7 +135,7 @@ class JoinedTries {
 };
 
 bool IsSurelyWhole(const Correspondence& found) {
-  return found.relation == Relation::kWhole &&
+  return found.relation == Relation::kWhole && !found.ended_early &&
          found.quality.mean_confidence >= kSurelyWhole &&
          found.quality.coverage >= kAllCovered;
 }
@@ -220,6 +220,7 @@ class RelationSearch {
     const std::stop_callback on_stop(control_.stop, end);
     const std::stop_callback on_hurry(control_.hurry, end);
     control.stop = ends.get_token();
+    control.hurry = {};
     absl::StatusOr<Correspondence> found = match_(options, control);
     if (!absl::IsCancelled(found.status()) || control_.stop.stop_requested()) {
       return found;
@@ -234,7 +235,8 @@ class RelationSearch {
     // A part without a map has none at another scale.
     const bool may_be_better = best.ok() || relation == Relation::kOverlap;
     const int more = may_be_better && options.IsTriedAgain() ? kMoreTries : 0;
-    for (int i = 0; i < more && IsWorthMore(best) && !IsCut(best.ok()); ++i) {
+    for (int i = 0; i < more && IsWorthMore(best) && !IsCut(best.ok() || best_);
+         ++i) {
       const bool at_next_scale = relation != Relation::kOverlap && i == 0;
       options.next_scale = at_next_scale;
       if (!at_next_scale) ++options.random_seed;

@@ -299,8 +299,7 @@ absl::StatusOr<Correspondence> MatchPreparedHere(
   });
   if (result.ok() && result->ended_early) {
     result->warnings.emplace_back(
-        "the time was up before the map was refined to the end: more gives a "
-        "better one");
+        "the time was up before all was done: more may give a better map");
   }
   return result;
 }

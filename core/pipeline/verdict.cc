@@ -126,13 +126,21 @@ Verdict VerdictOf(const Correspondence& found) {
     return Doubtful("the map is probably mirrored",
                     "give known matches as landmarks, at least one on a limb");
   }
-  if (found.ended_early &&
-      (found.symmetry_confidence < kLeastSymmetryConfidence ||
-       found.relation_confidence < kLeastRelationConfidence)) {
+  if (found.ended_early && found.relation_confidence == 0) {
+    return Doubtful(
+        "there was no time to take the shapes for parts of each other in "
+        "another way",
+        "allow more time, or say as relation what they are");
+  }
+  if (found.ended_early && found.symmetry_confidence == 0) {
     return Doubtful(
         "there was no time to compare the map with others, such as the "
         "mirrored one",
         "allow more time, or look whether left and right are exchanged");
+  }
+  // Then signs of error are missing, and confidence is too high.
+  if (found.ended_early && found.scores.stretch == 0) {
+    return Doubtful("there was no time to refine the map", "allow more time");
   }
   if (found.symmetry_confidence < kLeastSymmetryConfidence) {
     return Doubtful(

@@ -162,7 +162,8 @@ class _Work:
         now = time.monotonic()
         if self._is_followed and (is_new or now - self._told_at >= _SNAPSHOT_SECONDS):
             self._told_at = now
-            self.events.put((name, of_stage, of_all))
+            has_map = bool(self._cancel.get("has_map"))
+            self.events.put((name, of_stage, of_all, has_map))
         return 0 if threading.main_thread().is_alive() else 1  # Python ends
 
 

@@ -112,6 +112,7 @@ _PLAIN: dict[str, Any] = {
     "options_new": c_void_p,
     "cancel_new": c_void_p,
     "cancel_request": None,
+    "cancel_has_map": c_int,
     "result_num_vertices": c_int64,
     "result_map": POINTER(c_int32),
     "result_confidence": POINTER(c_float),

@@ -191,10 +191,9 @@ class JobStatus:
         return JobFailed(message, code=self.error.code, reason=self.error.reason)
 
 
-_WITH_MAP = ("choice", "alignment", "quality")
-
-
-def running(stage: str, stage_fraction: float, total_fraction: float) -> JobStatus:
+def running(
+    stage: str, stage_fraction: float, total_fraction: float, has_map: bool
+) -> JobStatus:
     """Of a match in this process."""
     return JobStatus(
         name="",
@@ -202,7 +201,7 @@ def running(stage: str, stage_fraction: float, total_fraction: float) -> JobStat
         stage=stage,
         stage_fraction=stage_fraction,
         total_fraction=total_fraction,
-        has_map=stage in _WITH_MAP,
+        has_map=has_map,
         queue_position=0,
         waiting_for="",
         memory_estimate_bytes=0,
@@ -222,7 +221,7 @@ def running(stage: str, stage_fraction: float, total_fraction: float) -> JobStat
 
 def succeeded(info: ResultInfo) -> JobStatus:
     """The last of a match in this process."""
-    last = running("quality", 1.0, 1.0)
+    last = running("quality", 1.0, 1.0, True)
     return dataclasses.replace(last, state=JobState.SUCCEEDED, result=info)
 
 

@@ -347,6 +347,29 @@ TEST_F(IsomatchCTest, ADeadlineTakesTheMapThatIsThere) {
   ExpectInvalid("options.deadline_milliseconds", "expected 0 with the profile");
 }
 
+TEST_F(IsomatchCTest, ItIsToldWhenThereIsAMap) {
+  const std::unique_ptr<isomatch_cancel, decltype(&isomatch_cancel_free)> watch(
+      isomatch_cancel_new(), isomatch_cancel_free);
+  struct Seen {
+    const isomatch_cancel* watch;
+    std::vector<int> has_map;
+  } seen = {watch.get(), {}};
+  const isomatch_control control = {
+      [](void* user, const char*, double, double) {
+        auto* const told = static_cast<Seen*>(user);
+        told->has_map.push_back(isomatch_cancel_has_map(told->watch));
+        return 0;
+      },
+      &seen, watch.get()};
+  isomatch_result* found = nullptr;
+  ASSERT_EQ(isomatch_match(&pair_, nullptr, &control, &found, nullptr),
+            ISOMATCH_OK);
+  isomatch_result_free(found);
+  EXPECT_EQ(seen.has_map.front(), 0);
+  EXPECT_EQ(seen.has_map.back(), 1);
+  EXPECT_TRUE(std::is_sorted(seen.has_map.begin(), seen.has_map.end()));
+}
+
 TEST_F(IsomatchCTest, MemoryIsBounded) {
   ASSERT_EQ(Set("memory_limit_bytes", 1000), ISOMATCH_OK);
   ExpectInvalid("options.memory_limit_bytes", "1000");

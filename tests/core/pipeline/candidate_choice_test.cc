@@ -15,10 +15,10 @@
 #include "core/evaluation/geodesic_error.h"
 #include "core/pipeline/matcher.h"
 #include "core/pipeline/preparation.h"
+#include "core/pipeline/progress_reporter.h"
 #include "core/pipeline/stage_plan.h"
 #include "tests/support/draco_file.h"
 #include "tests/support/matchers.h"
-#include "tests/support/shapes.h"
 
 namespace isomatch {
 namespace {
@@ -36,25 +36,37 @@ Candidate WithSigns(double factor) {
 
 TEST(MisfitOfTest, IsAProductOfPowers) {
   const MatchOptions options;
-  const double one = MisfitOf(WithSigns(1), options);
+  const double one = MisfitOf(WithSigns(1), true, options);
   EXPECT_NEAR(one, 2 * 2 * 0.03 * 0.4 * 0.4 * 0.0625 * 0.05, 1e-12);
-  EXPECT_NEAR(MisfitOf(WithSigns(2), options), 1024 * one, 1e-9);
+  EXPECT_NEAR(MisfitOf(WithSigns(2), true, options), 1024 * one, 1e-9);
   // Eq. 8 tells nothing here.
   Candidate other = WithSigns(1);
   other.scores.embedding_error = 7;
-  EXPECT_EQ(MisfitOf(other, options), one);
+  EXPECT_EQ(MisfitOf(other, true, options), one);
   other.scores.landmark_contradiction = 1;
-  EXPECT_GT(MisfitOf(other, options), 2 * one);
+  EXPECT_GT(MisfitOf(other, true, options), 2 * one);
 }
 
 TEST(MisfitOfTest, WhatIsPerfectOrNoNumberCompares) {
   const MatchOptions options;
-  const double perfect = MisfitOf(Candidate(), options);
+  const double perfect = MisfitOf(Candidate(), true, options);
   EXPECT_GT(perfect, 0);
-  EXPECT_LT(perfect, MisfitOf(WithSigns(1), options));
+  EXPECT_LT(perfect, MisfitOf(WithSigns(1), true, options));
   Candidate broken = WithSigns(1);
   broken.first_signs.stretch = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_GT(MisfitOf(broken, options), MisfitOf(WithSigns(1.2), options));
+  EXPECT_GT(MisfitOf(broken, true, options),
+            MisfitOf(WithSigns(1.2), true, options));
+}
+
+TEST(MisfitOfTest, WithoutOrientationTheStretchStandsForNormals) {
+  Candidate one = WithSigns(1);
+  one.scores.normal_mismatch = 0;
+  one.scores.stretch = 0.1;
+  Candidate other = one;
+  other.scores.stretch = 0.2;
+  const MatchOptions options;
+  EXPECT_NEAR(MisfitOf(other, false, options) / MisfitOf(one, false, options),
+              2, 1e-9);
 }
 
 TEST(IsFarBehindTest, TwoSignsHaveToSaySoEachAlone) {
@@ -194,6 +206,27 @@ TEST_F(CandidateChoiceTest, ARougherMapThatIsRightWins) {
                                        Planted(Rough(winner_, 3), 0.1)};
   Choose(&candidates);
   EXPECT_LT(ErrorOf(candidates[0].y_from_x), 0.03);
+}
+
+TEST_F(CandidateChoiceTest, AVariantThatIsFarBehindIsGivenUp) {
+  // One side of the body goes where the half turn sends it.
+  VertexMap torn = winner_;
+  const Positions& places = prepared_[kX].solved().mesh.positions;
+  for (VertexIndex x = 0; x < places.rows(); ++x) {
+    if (places(x, 0) < 0) torn[x] = loser_[x];
+  }
+  std::vector<Candidate> candidates = {
+      Planted(winner_, 0.1), Planted(torn, 0.001), Planted(loser_, 0.001)};
+  Choose(&candidates);
+  ASSERT_EQ(candidates.size(), 3u);
+  EXPECT_LT(ErrorOf(candidates[0].y_from_x), 0.03);
+  // The half turn stays to the end, however far behind it is.
+  EXPECT_FALSE(candidates[1].is_lost);
+  EXPECT_GT(ErrorOf(candidates[1].y_from_x), 0.3);
+  EXPECT_TRUE(candidates[2].is_lost);
+  EXPECT_GE(candidates[2].scores.rank_value, candidates[1].scores.rank_value);
+  EXPECT_GT(candidates[2].scores.normal_mismatch, 0);
+  EXPECT_GT(candidates[2].scores.descriptor_mismatch, 0);
 }
 
 TEST_F(CandidateChoiceTest, TheirOrderDecidesNothing) {

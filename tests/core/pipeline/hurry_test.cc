@@ -1,7 +1,6 @@
 // MatchControl::hurry: the best map that there is then.
 
 #include <fstream>
-#include <optional>
 #include <stop_token>
 #include <string>
 #include <vector>
@@ -161,6 +160,35 @@ TEST(HurryOfOthersTest, LandmarksAreKept) {
   EXPECT_TRUE(found->ended_early);
   EXPECT_EQ(found->y_from_x[7], 7);
   EXPECT_EQ(found->y_from_x[60], 61);
+}
+
+TEST(HurryOfOthersTest, LandmarksThatMoveTheMapCostNoRounds) {
+  const TriangleMesh mesh = FiveArms(3);
+  // One vertex beside the right one.
+  const std::vector<Landmark> landmarks = {{7, 7}, {60, 60}, {300, 301}};
+  std::stop_source hurry;
+  const auto found = Match(mesh, mesh, landmarks, QuickOptions(),
+                           {[&](const Progress& report) {
+                              if (report.stage == Stage::kAlignment)
+                                hurry.request_stop();
+                            },
+                            {},
+                            hurry.get_token()});
+  ASSERT_THAT(found, IsOk());
+  EXPECT_TRUE(found->ended_early);
+  for (const auto& [x, y] : landmarks) EXPECT_EQ(found->y_from_x[x], y);
+  EXPECT_GT(FractionRight(found->y_from_x, IdentityMap(mesh.num_vertices())),
+            0.95);
+}
+
+TEST_F(HurryTest, AMapThatNothingWasLeftOfIsNotEarly) {
+  const Correspondence finished = Until(
+      [](const Progress& report) { return report.stage == Stage::kQuality; });
+  EXPECT_FALSE(finished.ended_early);
+}
+
+TEST_F(HurryTest, AMapThatWasNotRefinedIsNotCalledGood) {
+  EXPECT_NE(Until(kAtOnce).verdict.level, VerdictLevel::kGood);
 }
 
 TEST(HurryOfOthersTest, EveryComponentGetsItsFirstMap) {

@@ -92,6 +92,7 @@ class RelationSearchTest : public testing::Test {
     }
     Correspondence map;
     map.relation = options.relation;
+    map.ended_early = control.hurry.stop_requested();
     map.quality.mean_confidence = found->second;
     if (options.random_seed == better_seed_) map.quality.mean_confidence += 0.1;
     if (options.next_scale) {
@@ -272,6 +273,15 @@ TEST_F(RelationSearchTest, InAHurryTheFirstMapDoes) {
   ASSERT_THAT(found, IsOk());
   EXPECT_THAT(tried_, ElementsAre(Relation::kWhole));
   EXPECT_EQ(found->relation, Relation::kWhole);
+  EXPECT_TRUE(found->ended_early);
+  EXPECT_EQ(found->relation_confidence, 0);
+}
+
+TEST_F(RelationSearchTest, AHurriedMapIsNotSurelyWhole) {
+  confidence_ = {{Relation::kWhole, 0.8}};
+  on_try_ = [this](std::size_t) { hurry_.request_stop(); };
+  const auto found = Find(kOpen, kOpen);
+  ASSERT_THAT(found, IsOk());
   EXPECT_TRUE(found->ended_early);
   EXPECT_EQ(found->relation_confidence, 0);
 }

@@ -98,6 +98,20 @@ TEST(VerdictTest, EachDoubtIsToldWithWhatToDo) {
   found = Good();
   found.quality.area_distortion = 0.7;
   expect_doubt(found, "factor of 2");
+  found = Good();
+  found.ended_early = true;
+  found.scores.stretch = 0.1;
+  EXPECT_EQ(VerdictOf(found).level, VerdictLevel::kGood);
+  found.symmetry_confidence = 0.1;  // rivals were compared
+  expect_doubt(found, "fits nearly as well");
+  found.symmetry_confidence = 0;
+  expect_doubt(found, "no time to compare");
+  found.relation_confidence = 0;
+  expect_doubt(found, "parts of each other");
+  found = Good();
+  found.ended_early = true;
+  found.scores.stretch = 0;
+  expect_doubt(found, "no time to refine");
 }
 
 TEST(VerdictTest, OfRealMapsTheRightOnesAreGood) {

@@ -181,6 +181,8 @@ class MatchTest:
         self.assertIn("time was up", " ".join(early.info.warnings))
         self.assertTrue((early.y_from_x >= 0).all())
         self.assertFalse(seen[0].has_map)
+        self.assertTrue(seen[-1].has_map)
+        self.assertEqual([s.has_map for s in seen], sorted(s.has_map for s in seen))
         self.assertFalse(self.match(*support.pair(), deadline=3600).info.ended_early)
         for wrong in ({"deadline": 0}, {"deadline": -1}, {"deadline": 1, "profile": "paper"}):
             with self.subTest(wrong), self.assertRaises(isomatch.InvalidInput) as refused:
