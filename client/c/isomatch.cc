@@ -170,10 +170,10 @@ absl::StatusOr<Correspondence> Match(ShapeSource x, ShapeSource y,
   ISOMATCH_ASSIGN_OR_RETURN(
       isomatch::PreparedPair pair,
       isomatch::PrepareBoth(std::move(x), std::move(y), options,
-                            {joined.OfPreparation(), control.get().stop}));
-  return isomatch::MatchPrepared(
-      std::move(pair.x), std::move(pair.y), landmarks, options,
-      {joined.OfMatching(), control.get().stop, control.get().hurry});
+                            control.get().With(joined.OfPreparation())));
+  return isomatch::MatchPrepared(std::move(pair.x), std::move(pair.y),
+                                 landmarks, options,
+                                 control.get().With(joined.OfMatching()));
 }
 
 std::unique_ptr<isomatch_result> ResultOf(Correspondence found,

@@ -121,10 +121,10 @@ absl::StatusOr<Correspondence> Match(const TriangleMesh& mesh_x,
       PreparedPair pair,
       engine.prepare_both(SharedMesh::Borrowed(mesh_x),
                           SharedMesh::Borrowed(mesh_y), plan.options,
-                          {joined.OfPreparation(), control.stop}));
-  absl::StatusOr<Correspondence> found = engine.match(
-      std::move(pair.x), std::move(pair.y), landmarks, plan.options,
-      {joined.OfMatching(), control.stop, control.hurry});
+                          control.With(joined.OfPreparation())));
+  absl::StatusOr<Correspondence> found =
+      engine.match(std::move(pair.x), std::move(pair.y), landmarks,
+                   plan.options, control.With(joined.OfMatching()));
   if (found.ok()) {
     found->warnings.insert(found->warnings.begin(), plan.warnings.begin(),
                            plan.warnings.end());

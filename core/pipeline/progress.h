@@ -2,6 +2,7 @@
 
 #include <functional>
 #include <stop_token>
+#include <utility>
 
 namespace isomatch {
 
@@ -57,6 +58,11 @@ struct MatchControl {
   /// Ends it with the best whole map that it has, the first one at least: see
   /// Correspondence::ended_early. The default profile alone heeds it.
   std::stop_token hurry = {};
+
+  /// The same, followed by another.
+  MatchControl With(ProgressCallback other) const {
+    return {std::move(other), stop, hurry};
+  }
 };
 
 /// What a run is ended by; see MatchControl.

@@ -212,8 +212,7 @@ class RelationSearch {
   /// Where there is a map already, a hurry ends it with FAILED_PRECONDITION.
   absl::StatusOr<Correspondence> MatchOnce(const MatchOptions& options,
                                            bool has_map) {
-    MatchControl control = control_;
-    control.progress = joined_.OfNext();
+    MatchControl control = control_.With(joined_.OfNext());
     if (!has_map) return match_(options, control);
     std::stop_source ends;
     const auto end = [&ends] { ends.request_stop(); };

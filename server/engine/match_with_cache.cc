@@ -36,12 +36,11 @@ absl::StatusOr<Correspondence> MatchWithCache(const MatchEngine& engine,
   ISOMATCH_ASSIGN_OR_RETURN(
       PreparedPair pair,
       engine.prepare_both(std::move(x), std::move(y), spec.options,
-                          {joined.OfPreparation(), control.stop}));
+                          control.With(joined.OfPreparation())));
   KeepIfNamed(cache, spec.prepared_x, pair.x);
   KeepIfNamed(cache, spec.prepared_y, pair.y);
   return engine.match(std::move(pair.x), std::move(pair.y), spec.landmarks,
-                      spec.options,
-                      {joined.OfMatching(), control.stop, control.hurry});
+                      spec.options, control.With(joined.OfMatching()));
 }
 
 }  // namespace isomatch

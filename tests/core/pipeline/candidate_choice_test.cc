@@ -3,21 +3,18 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <fstream>
 #include <limits>
-#include <string>
 #include <utility>
 #include <vector>
 
 #include <gtest/gtest.h>
 
 #include "core/base/random_stream.h"
-#include "core/evaluation/geodesic_error.h"
 #include "core/pipeline/matcher.h"
 #include "core/pipeline/preparation.h"
 #include "core/pipeline/progress_reporter.h"
 #include "core/pipeline/stage_plan.h"
-#include "tests/support/draco_file.h"
+#include "tests/core/pipeline/two_poses.h"
 #include "tests/support/matchers.h"
 
 namespace isomatch {
@@ -107,25 +104,20 @@ TEST(SymmetryConfidenceTest, IsHowFarTheNextIsBehind) {
 class CandidateChoiceTest : public testing::Test {
  protected:
   void SetUp() override {
-    const std::string dir = ISOMATCH_TEST_DATA;
-    x_ = ReadDracoFile(dir + "/r1k_m_rest.drc").value();
-    y_ = ReadDracoFile(dir + "/r1k_m_sit.drc").value();
-    truth_.resize(x_.num_vertices());
-    std::ifstream file(dir + "/gt_r1k_m_rest__r1k_m_sit.txt");
-    for (VertexIndex& y : truth_) file >> y;
-    ASSERT_TRUE(file);
-    const auto found = Match(x_, y_, {}, options_);
+    ASSERT_FALSE(poses_.truth.empty());
+    const auto found = Match(poses_.x, poses_.y, {}, options_);
     ASSERT_THAT(found, IsOk());
     ASSERT_FALSE(found->alternatives.empty());
     // The half turn: it keeps orientation, and nearly all distances.
     loser_ = found->alternatives[0].y_from_x;
     ProgressReporter progress({}, StagePlan(options_));
-    ASSERT_THAT(PrepareMeshes({MeshToPrepare{Clean(x_, {}).value(), "mesh_x"},
-                               MeshToPrepare{Clean(y_, {}).value(), "mesh_y"}},
-                              options_, &progress, {}, &prepared_),
-                IsOk());
+    ASSERT_THAT(
+        PrepareMeshes({MeshToPrepare{Clean(poses_.x, {}).value(), "mesh_x"},
+                       MeshToPrepare{Clean(poses_.y, {}).value(), "mesh_y"}},
+                      options_, &progress, {}, &prepared_),
+        IsOk());
     loser_ = Working(loser_);
-    winner_ = Working(truth_);
+    winner_ = Working(poses_.truth);
     ASSERT_GT(ErrorOf(loser_), 0.1);
     ASSERT_LT(ErrorOf(winner_), 1e-9);
   }
@@ -178,13 +170,11 @@ class CandidateChoiceTest : public testing::Test {
       map[prepared_[kX].solved().user_from_working[x]] =
           prepared_[kY].solved().user_from_working[working[x]];
     }
-    return GeodesicErrorMeter(y_).Measure(map, truth_)->mean_over_diameter;
+    return poses_.ErrorOf(map);
   }
 
   MatchOptions options_;
-  TriangleMesh x_;
-  TriangleMesh y_;
-  VertexMap truth_;
+  const TwoPoses poses_ = ReadTwoPoses(ISOMATCH_TEST_DATA);
   VertexMap loser_;   ///< working
   VertexMap winner_;  ///< working
   std::array<PreparedMesh, 2> prepared_;

@@ -1,17 +1,14 @@
 // MatchControl::hurry: the best map that there is then.
 
-#include <fstream>
 #include <stop_token>
-#include <string>
 #include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "core/evaluation/geodesic_error.h"
 #include "core/pipeline/matcher.h"
+#include "tests/core/pipeline/two_poses.h"
 #include "tests/support/dirty_meshes.h"
-#include "tests/support/draco_file.h"
 #include "tests/support/matchers.h"
 #include "tests/support/quick_options.h"
 #include "tests/support/shapes.h"
@@ -47,35 +44,23 @@ constexpr auto kNever = [](const Progress&) { return false; };
 /// Two poses of a body of 1,000 vertices.
 class HurryTest : public testing::Test {
  protected:
-  void SetUp() override {
-    const std::string dir = ISOMATCH_TEST_DATA;
-    x_ = ReadDracoFile(dir + "/r1k_m_rest.drc").value();
-    y_ = ReadDracoFile(dir + "/r1k_m_sit.drc").value();
-    truth_.resize(x_.num_vertices());
-    std::ifstream file(dir + "/gt_r1k_m_rest__r1k_m_sit.txt");
-    for (VertexIndex& y : truth_) file >> y;
-    ASSERT_TRUE(file);
-  }
+  void SetUp() override { ASSERT_FALSE(poses_.truth.empty()); }
 
   template <typename Condition>
   Correspondence Until(const Condition& is_time, int threads = 0) {
     seen_.clear();
     MatchOptions options;
     options.threads = threads;
-    auto found = MatchUntil(x_, y_, options, is_time, &seen_);
+    auto found = MatchUntil(poses_.x, poses_.y, options, is_time, &seen_);
     EXPECT_THAT(found, IsOk());
     return *std::move(found);
   }
 
   double ErrorOf(const Correspondence& found) const {
-    return GeodesicErrorMeter(y_)
-        .Measure(found.y_from_x, truth_)
-        ->mean_over_diameter;
+    return poses_.ErrorOf(found.y_from_x);
   }
 
-  TriangleMesh x_;
-  TriangleMesh y_;
-  VertexMap truth_;
+  const TwoPoses poses_ = ReadTwoPoses(ISOMATCH_TEST_DATA);
   std::vector<Progress> seen_;
 };
 
@@ -140,7 +125,7 @@ TEST_F(HurryTest, StopEndsItAllTheSame) {
   std::stop_source stop;
   std::stop_source hurry;
   hurry.request_stop();
-  const auto found = Match(x_, y_, {}, {},
+  const auto found = Match(poses_.x, poses_.y, {}, {},
                            {[&](const Progress& report) {
                               if (report.has_map) stop.request_stop();
                             },
