@@ -1,9 +1,12 @@
 #include "core/descriptor/nearby_match.h"
 
 #include <algorithm>
-#include <limits>
+#include <utility>
+
+#include <Eigen/QR>
 
 #include "core/base/lanes.h"
+#include "core/base/parallel.h"
 #include "core/base/sorted_buckets.h"
 #include "core/base/status_macros.h"
 #include "core/mesh/connected_ball.h"
@@ -16,9 +19,17 @@ namespace {
 constexpr std::size_t kProbes = 600;
 /// Entries of a descriptor that are compared at a time.
 constexpr int kPart = 88;
-constexpr int kHistograms = kShotSize / kShotCosines;
-static_assert(kShotSize % kPart == 0 && kPart % kLanes == 0 &&
-              kHistograms % kLanes == 0);
+static_assert(kShotSize % kPart == 0 && kPart % kLanes == 0);
+/// Descriptors a side by which main directions are found, rows of what is told
+/// by them, and columns that a task projects.
+constexpr Eigen::Index kSamples = 200;
+constexpr Eigen::Index kFew = kMainDirections + 1;
+constexpr Eigen::Index kBlock = 256;
+/// How far from their center the images of a cluster lie at most, of the reach.
+constexpr double kClusterReach = 0.25;
+/// What no descriptors are, and the rounding of products of what they are.
+constexpr float kUnlike = 100;
+constexpr float kRounding = 1e-5F;
 
 /// REQUIRES: count is a multiple of kLanes.
 float SquaredDifference(const float* a, const float* b, int count) {
@@ -40,17 +51,230 @@ float Unlikeness(const float* a, const float* b, float start, float enough) {
   return sum;
 }
 
-/// Lengths of the histograms that make up each descriptor, by which most pairs
-/// are known to be unlike: lengths differ by no more than what they are of.
-PointColumns HistogramLengths(const PointColumns& columns) {
-  PointColumns lengths(kHistograms, columns.cols());
-  for (Eigen::Index i = 0; i < columns.cols(); ++i) {
-    for (Eigen::Index h = 0; h < kHistograms; ++h) {
-      lengths(h, i) =
-          columns.col(i).segment<kShotCosines>(h * kShotCosines).norm();
+/// Where the least of `count` values is, not 0 of them and filled up to a
+/// multiple of kLanes by greater ones.
+std::int64_t PlaceOfLeast(const float* values, std::int64_t count) {
+  Lanes least = LoadLanes(values);
+  LaneBits places = {};
+  for (int i = kLanes; i < count; i += kLanes) {
+    const Lanes here = LoadLanes(values + i);
+    places = here < least ? LaneBits{} + i : places;
+    least = MinLanes(least, here);
+  }
+  int lane = 0;
+  for (int i = 1; i < kLanes; ++i) {
+    if (least[i] < least[lane]) lane = i;
+  }
+  return places[lane] + lane;
+}
+
+/// Of `count` even ones among the columns, the i-th.
+auto EvenColumn(const PointColumns& columns, Eigen::Index i,
+                Eigen::Index count) {
+  return columns.col(i * columns.cols() / count);
+}
+
+Eigen::MatrixXf OrthonormalBasis(const Eigen::MatrixXf& columns) {
+  return Eigen::HouseholderQR<Eigen::MatrixXf>(columns).householderQ() *
+         Eigen::MatrixXf::Identity(columns.rows(), columns.cols());
+}
+
+/// Orthonormal columns that span most of what descriptors differ by: some of
+/// them after a step of subspace iteration.
+Eigen::MatrixXf MainDirections(const PointColumns& x, const PointColumns& y) {
+  PointColumns samples(kShotSize, 2 * kSamples);
+  for (Eigen::Index i = 0; i < kSamples; ++i) {
+    samples.col(2 * i) = EvenColumn(x, i, kSamples);
+    samples.col(2 * i + 1) = EvenColumn(y, i, kSamples);
+  }
+  PointColumns start(kShotSize, kMainDirections);
+  for (Eigen::Index i = 0; i < kMainDirections; ++i) {
+    start.col(i) = EvenColumn(samples, i, kMainDirections);
+  }
+  const Eigen::MatrixXf along = samples.transpose() * OrthonormalBasis(start);
+  return OrthonormalBasis(samples * along);
+}
+
+absl::StatusOr<PointColumns> Projected(const PointColumns& columns,
+                                       const Eigen::MatrixXf& directions,
+                                       const std::stop_token& stop) {
+  PointColumns few(kFew, columns.cols());
+  const Eigen::Index blocks = (columns.cols() + kBlock - 1) / kBlock;
+  ISOMATCH_RETURN_IF_ERROR(ParallelFor(blocks, stop, [&](std::int64_t block) {
+    const Eigen::Index begin = block * kBlock;
+    const Eigen::Index size = std::min(kBlock, columns.cols() - begin);
+    const auto whole = columns.middleCols(begin, size);
+    const Eigen::MatrixXf along = directions.transpose() * whole;
+    few.block(0, begin, kMainDirections, size) = along;
+    few.block(kMainDirections, begin, 1, size) =
+        (whole.colwise().squaredNorm() - along.colwise().squaredNorm())
+            .cwiseMax(0)
+            .cwiseSqrt();
+  }));
+  return few;
+}
+
+/// Vertices of X whose images lie together, so that they share a ball of Y.
+struct ImageCluster {
+  VertexIndex center = 0;
+  double radius = 0;                  ///< of the images, around the center
+  std::vector<Eigen::Index> columns;  ///< of the descriptors of X
+};
+
+/// Images of one map, and what is near them.
+class NearbySearch {
+ public:
+  /// References must outlive it.
+  NearbySearch(const DescribedPair& pair, const VertexMap& y_from_x,
+               const NearbyMatchOptions& options)
+      : x_(pair.x),
+        y_(pair.y),
+        pair_(pair),
+        y_from_x_(y_from_x),
+        options_(options),
+        per_square_(static_cast<float>(options.distance_weight /
+                                       (options.reach * options.reach))),
+        positions_(BallPositions(pair.y.surface.mesh.positions)) {}
+
+  std::vector<ImageCluster> Clusters() const;
+
+  /// Thread-safe for different clusters.
+  void Match(const ImageCluster& cluster, ConnectedBall* around,
+             VertexMap* matches) const;
+
+ private:
+  /// A column for a vertex of X times one for a vertex of Y is the least that
+  /// the two are unlike: directions, position, and two rows for squares.
+  static constexpr Eigen::Index kRows = kFew + 5;
+
+  VertexIndex Image(Eigen::Index column) const {
+    return y_from_x_[x_.vertices[column]];
+  }
+  Eigen::Vector3f FromCenter(VertexIndex v, VertexIndex center) const {
+    return (positions_.col(v) - positions_.col(center)).head<3>();
+  }
+  PointColumns Queries(const ImageCluster& cluster) const;
+  PointColumns Places(const std::vector<VertexIndex>& near,
+                      VertexIndex center) const;
+  VertexIndex MostAlike(Eigen::Index column,
+                        const std::vector<VertexIndex>& near,
+                        const float* bounds) const;
+
+  const ShapeDescriptors& x_;
+  const DescribedShape& y_;
+  const DescribedPair& pair_;
+  const VertexMap& y_from_x_;
+  const NearbyMatchOptions& options_;
+  const float per_square_;  ///< what a squared distance counts
+  const Eigen::Matrix4Xf positions_;
+};
+
+std::vector<ImageCluster> NearbySearch::Clusters() const {
+  const std::int64_t count =
+      (std::ssize(x_.vertices) + options_.every - 1) / options_.every;
+  const SortedBuckets<Eigen::Index> by_image(
+      count, y_.surface.mesh.num_vertices(),
+      [&](std::int64_t i) { return Image(i * options_.every); },
+      [&](std::int64_t i) { return i * options_.every; });
+  ConnectedBall ball(positions_, y_.surface.stars);
+  std::vector<char> taken(by_image.count());
+  std::vector<ImageCluster> clusters;
+  for (VertexIndex center = 0; center < by_image.count(); ++center) {
+    if (taken[center] || by_image[center].empty()) continue;
+    ImageCluster cluster{center, 0, {}};
+    for (const auto& [v, distance] :
+         ball.Around(center, kClusterReach * options_.reach)) {
+      if (taken[v] || by_image[v].empty()) continue;
+      taken[v] = 1;
+      cluster.radius = std::max(cluster.radius, double{distance});
+      cluster.columns.insert(cluster.columns.end(), by_image[v].begin(),
+                             by_image[v].end());
+    }
+    clusters.push_back(std::move(cluster));
+  }
+  return clusters;
+}
+
+PointColumns NearbySearch::Queries(const ImageCluster& cluster) const {
+  PointColumns queries(kRows, std::ssize(cluster.columns));
+  for (Eigen::Index i = 0; i < queries.cols(); ++i) {
+    const auto few = pair_.few_x.col(cluster.columns[i]).head<kFew>();
+    const Eigen::Vector3f place =
+        FromCenter(Image(cluster.columns[i]), cluster.center);
+    queries.col(i).head<kFew>() = -2 * few;
+    queries.col(i).segment<3>(kFew) = -2 * per_square_ * place;
+    queries.col(i).tail<2>()
+        << few.squaredNorm() + per_square_ * place.squaredNorm(),
+        1;
+  }
+  return queries;
+}
+
+/// A multiple of kLanes, those beyond `near` unlike everything.
+PointColumns NearbySearch::Places(const std::vector<VertexIndex>& near,
+                                  VertexIndex center) const {
+  const std::int64_t lanes = (std::ssize(near) + kLanes - 1) / kLanes;
+  PointColumns places(kRows, lanes * kLanes);
+  for (Eigen::Index i = 0; i < std::ssize(near); ++i) {
+    const auto few =
+        pair_.few_y.col(y_.descriptors.column_of_vertex[near[i]]).head<kFew>();
+    const Eigen::Vector3f place = FromCenter(near[i], center);
+    places.col(i).head<kFew>() = few;
+    places.col(i).segment<3>(kFew) = place;
+    places.col(i).tail<2>() << 1,
+        few.squaredNorm() + per_square_ * place.squaredNorm();
+  }
+  for (Eigen::Index i = std::ssize(near); i < places.cols(); ++i) {
+    places.col(i).setZero();
+    places(kRows - 1, i) = kUnlike;
+  }
+  return places;
+}
+
+VertexIndex NearbySearch::MostAlike(Eigen::Index column,
+                                    const std::vector<VertexIndex>& near,
+                                    const float* bounds) const {
+  const Eigen::Vector4f image = positions_.col(Image(column));
+  const auto enough = static_cast<float>(options_.reach * options_.reach);
+  VertexIndex best = kNoVertex;
+  float least = kUnlike - kRounding;
+  const auto consider = [&](VertexIndex v) {
+    const float squared = (positions_.col(v) - image).squaredNorm();
+    if (squared >= enough) return;
+    const Eigen::Index other = y_.descriptors.column_of_vertex[v];
+    const float unlikeness = Unlikeness(
+        x_.columns.col(column).data(), y_.descriptors.columns.col(other).data(),
+        per_square_ * squared, least);
+    if (unlikeness >= least) return;
+    least = unlikeness;
+    best = v;
+  };
+  const std::int64_t size = std::ssize(near);
+  consider(near[PlaceOfLeast(bounds, size)]);
+  for (std::int64_t i = 0; i < size; i += kLanes) {
+    if (!AnyLane(LoadLanes(bounds + i) < AllLanes(least + kRounding))) continue;
+    for (std::int64_t j = i; j < i + kLanes; ++j) {
+      if (bounds[j] < least + kRounding) consider(near[j]);
     }
   }
-  return lengths;
+  return best;
+}
+
+void NearbySearch::Match(const ImageCluster& cluster, ConnectedBall* around,
+                         VertexMap* matches) const {
+  std::vector<VertexIndex> near;
+  for (const auto& [v, distance] :
+       around->Around(cluster.center, options_.reach + cluster.radius)) {
+    if (y_.descriptors.column_of_vertex[v] >= 0) near.push_back(v);
+  }
+  if (near.empty()) return;
+  const PointColumns bounds =
+      Places(near, cluster.center).transpose() * Queries(cluster);
+  for (Eigen::Index i = 0; i < bounds.cols(); ++i) {
+    const Eigen::Index column = cluster.columns[i];
+    (*matches)[x_.vertices[column]] =
+        MostAlike(column, near, bounds.col(i).data());
+  }
 }
 
 }  // namespace
@@ -71,52 +295,29 @@ absl::StatusOr<ShapeDescriptors> DescribeShape(const DescribedSurface& surface,
   return described;
 }
 
-absl::StatusOr<VertexMap> MatchNearby(const ShapeDescriptors& x,
-                                      const DescribedShape& y,
+absl::StatusOr<DescribedPair> PairDescriptors(const ShapeDescriptors& x,
+                                              const DescribedShape& y,
+                                              const std::stop_token& stop) {
+  const Eigen::MatrixXf directions =
+      MainDirections(x.columns, y.descriptors.columns);
+  DescribedPair pair = {x, y, {}, {}};
+  ISOMATCH_ASSIGN_OR_RETURN(pair.few_x, Projected(x.columns, directions, stop));
+  ISOMATCH_ASSIGN_OR_RETURN(pair.few_y,
+                            Projected(y.descriptors.columns, directions, stop));
+  return pair;
+}
+
+absl::StatusOr<VertexMap> MatchNearby(const DescribedPair& pair,
                                       const VertexMap& y_from_x,
                                       const NearbyMatchOptions& options,
                                       const std::stop_token& stop) {
-  const PointColumns lengths_x = HistogramLengths(x.columns);
-  const PointColumns lengths_y = HistogramLengths(y.descriptors.columns);
   VertexMap matches(y_from_x.size(), kNoVertex);
-  const auto per_square = static_cast<float>(options.distance_weight /
-                                             (options.reach * options.reach));
-  const auto most_alike = [&](std::int64_t i, ConnectedBall* around) {
-    const float* const own = x.columns.col(i).data();
-    const float* const own_lengths = lengths_x.col(i).data();
-    VertexIndex best = kNoVertex;
-    float least = std::numeric_limits<float>::infinity();
-    const VertexIndex image = y_from_x[x.vertices[i]];
-    for (const auto& [v, distance] : around->Around(image, options.reach)) {
-      const int column = y.descriptors.column_of_vertex[v];
-      if (column < 0) continue;
-      const float start = per_square * distance * distance;
-      const float* const lengths = lengths_y.col(column).data();
-      if (start + SquaredDifference(own_lengths, lengths, kHistograms) >=
-          least) {
-        continue;
-      }
-      const float unlikeness = Unlikeness(
-          own, y.descriptors.columns.col(column).data(), start, least);
-      if (unlikeness >= least) continue;
-      least = unlikeness;
-      best = v;
-    }
-    return best;
-  };
-  const std::int64_t count =
-      (static_cast<std::int64_t>(x.vertices.size()) + options.every - 1) /
-      options.every;
-  // Those of one image follow each other, so that they share a ball.
-  const SortedBuckets<std::int64_t> by_image(
-      count, y.surface.mesh.num_vertices(),
-      [&](std::int64_t i) { return y_from_x[x.vertices[i * options.every]]; },
-      [&](std::int64_t i) { return i * options.every; });
+  const NearbySearch search(pair, y_from_x, options);
+  const std::vector<ImageCluster> clusters = search.Clusters();
   ISOMATCH_RETURN_IF_ERROR(ParallelForWithBall(
-      y.surface.mesh, y.surface.stars, count, stop,
+      pair.y.surface.mesh, pair.y.surface.stars, std::ssize(clusters), stop,
       [&](std::int64_t i, ConnectedBall* around) {
-        const std::int64_t column = by_image.items()[i];
-        matches[x.vertices[column]] = most_alike(column, around);
+        search.Match(clusters[i], around, &matches);
       }));
   return matches;
 }

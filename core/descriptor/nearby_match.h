@@ -32,6 +32,24 @@ struct DescribedShape {
   const DescribedSurface& surface;
 };
 
+/// Directions in which descriptors are compared at first.
+inline constexpr int kMainDirections = 48;
+
+/// Two shapes that are compared. References must outlive it.
+struct DescribedPair {
+  const ShapeDescriptors& x;
+  DescribedShape y;
+  /// Descriptors in the kMainDirections that they differ most by, and below
+  /// them the length of the rest: as near to each other as they are, or nearer.
+  PointColumns few_x;
+  PointColumns few_y;
+};
+
+/// REQUIRES: both have described vertices. CANCELLED after `stop`.
+absl::StatusOr<DescribedPair> PairDescriptors(const ShapeDescriptors& x,
+                                              const DescribedShape& y,
+                                              const std::stop_token& stop);
+
 struct NearbyMatchOptions {
   /// How far from its image a better one is looked for, mesh units of Y.
   double reach = 0.2;
@@ -44,9 +62,9 @@ struct NearbyMatchOptions {
 
 /// Returns for each described vertex of X that options.every takes, of those on
 /// Y near where `y_from_x` (dense) sends it, the most alike one; kNoVertex for
-/// the others, and where nothing near is described.
-absl::StatusOr<VertexMap> MatchNearby(const ShapeDescriptors& x,
-                                      const DescribedShape& y,
+/// the others, and where nothing near is described. What is near lies in reach,
+/// and edges lead there that stay within a little more than that.
+absl::StatusOr<VertexMap> MatchNearby(const DescribedPair& pair,
                                       const VertexMap& y_from_x,
                                       const NearbyMatchOptions& options,
                                       const std::stop_token& stop);

@@ -10,7 +10,6 @@
 #include "core/base/mutex.h"
 #include "core/base/parallel.h"
 #include "core/base/status_macros.h"
-#include "core/geodesic/field_sweeps.h"
 
 namespace isomatch {
 namespace {
@@ -20,11 +19,10 @@ using Row = Eigen::Map<const Eigen::ArrayXf>;
 /// Called with the number of sources done since the last call.
 using Report = std::function<void(std::size_t)>;
 
-absl::Status SweepFields(const DistanceFieldSolver& solver,
+absl::Status SweepFields(const FieldSweeps& sweeps,
                          absl::Span<const VertexIndex> points,
                          const Report& report, const std::stop_token& stop,
                          float* fields) {
-  const FieldSweeps sweeps(solver.stencils());
   const std::vector<std::vector<int>> groups = sweeps.Groups(points);
   const auto solve_group = [&](std::int64_t g) {
     FieldSweeps::Workspace workspace;
@@ -67,7 +65,8 @@ int BasisPoints::DefaultCount(VertexIndex num_vertices) {
 
 absl::StatusOr<BasisPoints> BasisPoints::Create(
     const DistanceFieldSolver& solver, std::vector<VertexIndex> points,
-    const std::function<void(double)>& progress, const std::stop_token& stop) {
+    const std::function<void(double)>& progress, const std::stop_token& stop,
+    float least_change) {
   BasisPoints basis;
   basis.points_ = std::move(points);
   basis.num_vertices_ = solver.num_vertices();
@@ -80,9 +79,12 @@ absl::StatusOr<BasisPoints> BasisPoints::Create(
     done += sources;
     if (progress && !stop.stop_requested()) progress(double(done) / count);
   };
-  const bool swept = solver.num_vertices() <= FieldSweeps::kMostVertices;
-  ISOMATCH_RETURN_IF_ERROR((swept ? SweepFields : SolveFields)(
-      solver, basis.points_, report, stop, basis.fields_.data()));
+  float* const fields = basis.fields_.data();
+  ISOMATCH_RETURN_IF_ERROR(
+      solver.num_vertices() <= FieldSweeps::kMostVertices
+          ? SweepFields(FieldSweeps(solver.stencils(), least_change),
+                        basis.points_, report, stop, fields)
+          : SolveFields(solver, basis.points_, report, stop, fields));
   // A stop during the last sources left them undone.
   ISOMATCH_RETURN_IF_ERROR(CheckNotCancelled(stop));
   return basis;

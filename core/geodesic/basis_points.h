@@ -9,6 +9,7 @@
 #include "absl/types/span.h"
 #include "core/base/vertex_index.h"
 #include "core/geodesic/distance_field_solver.h"
+#include "core/geodesic/field_sweeps.h"
 
 namespace isomatch {
 
@@ -27,9 +28,12 @@ class BasisPoints {
 
   /// Computes the fields of `points`, in parallel. `progress`, when set, is
   /// called with a fraction in (0, 1], from one thread at a time.
+  /// `least_change`: as of FieldSweeps, which compute the fields of small
+  /// meshes.
   static absl::StatusOr<BasisPoints> Create(
       const DistanceFieldSolver& solver, std::vector<VertexIndex> points,
-      const std::function<void(double)>& progress, const std::stop_token& stop);
+      const std::function<void(double)>& progress, const std::stop_token& stop,
+      float least_change = FieldSweeps::kRounding);
 
   /// Makes them from fields that were computed before. REQUIRES:
   /// fields.size() == num_vertices * points.size(), one row for each vertex.

@@ -13,8 +13,6 @@ namespace {
 
 /// No distance yet, in mean edges. Its square is finite.
 constexpr float kFar = 1e18f;
-/// Relative: a smaller change is rounding.
-constexpr float kRounding = 1e-6f;
 /// Updates a vertex, over all vertices, after which only ways along edges
 /// count, as in DistanceFieldSolver. Sound meshes take 9 to 32.
 constexpr std::int64_t kMostUpdates = 256;
@@ -29,8 +27,9 @@ float MeanEdge(const WavefrontStencils& stencils) {
 
 }  // namespace
 
-FieldSweeps::FieldSweeps(const WavefrontStencils& stencils)
+FieldSweeps::FieldSweeps(const WavefrontStencils& stencils, float least_change)
     : scale_(MeanEdge(stencils)),
+      kept_(1 - least_change),
       first_(stencils.num_vertices() + 1, 0),
       first_after_(stencils.num_vertices() + 1, 0) {
   // Each triangle has a stencil from either end; one of them is enough.
@@ -135,7 +134,7 @@ bool FieldSweeps::Update(VertexIndex vertex, bool over_planes,
         (y_squared >= zero) & (crossing >= zero) & (crossing <= t.base * down);
     now = MinLanes(now, hits ? SqrtLanes(across * across + down * down) : far);
   }
-  if (!AnyLane(now < before * (1 - kRounding))) return false;
+  if (!AnyLane(now < before * kept_)) return false;
   StoreLanes(now, own);
   return true;
 }

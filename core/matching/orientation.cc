@@ -1,28 +1,45 @@
 #include "core/matching/orientation.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
-#include <utility>
 #include <vector>
 
-#include <Eigen/Geometry>
+#include "absl/types/span.h"
 
 namespace isomatch {
 namespace {
 
 constexpr int kNeighbors = 6;
 
-std::vector<int> NearestMatches(const Matching& matching, int a) {
-  std::vector<std::pair<float, int>> nearest;
-  for (int b = 0; b < matching.size(); ++b) {
-    if (b != a) nearest.emplace_back(-matching.closeness(kX, a, b), b);
+/// The nearest matches of one, nearest first, ties by index.
+struct NearMatches {
+  int count = 0;
+  std::array<int, kNeighbors> matches;
+
+  absl::Span<const int> all() const {
+    return {matches.data(), std::size_t(count)};
   }
-  const auto end =
-      nearest.begin() + std::min<std::size_t>(kNeighbors, nearest.size());
-  std::partial_sort(nearest.begin(), end, nearest.end());
-  std::vector<int> result;
-  for (auto it = nearest.begin(); it != end; ++it) result.push_back(it->second);
-  return result;
+};
+
+NearMatches NearestMatches(const Matching& matching, int a) {
+  NearMatches near;
+  std::array<float, kNeighbors> closeness;
+  for (int b = 0; b < matching.size(); ++b) {
+    const float value = matching.closeness(kX, a, b);
+    if (b == a || (near.count == kNeighbors && value <= closeness.back())) {
+      continue;
+    }
+    int at = std::min(near.count, kNeighbors - 1);
+    near.count = at + 1;
+    for (; at > 0 && closeness[at - 1] < value; --at) {
+      near.matches[at] = near.matches[at - 1];
+      closeness[at] = closeness[at - 1];
+    }
+    near.matches[at] = b;
+    closeness[at] = value;
+  }
+  return near;
 }
 
 /// A sum of products of turns on both shapes, and of their magnitudes.
@@ -39,14 +56,14 @@ struct FramesOfBoth {
 };
 
 void AddTurns(const Matching& matching, const FramesOfBoth& frames, int a,
-              const std::vector<int>& near, Turns* turns) {
-  for (std::size_t i = 0; i < near.size(); ++i) {
-    for (std::size_t j = 0; j < i; ++j) {
-      const double product =
-          SideAround(frames.x, matching.point(kX, a),
-                     matching.point(kX, near[i]), matching.point(kX, near[j])) *
-          SideAround(frames.y, matching.point(kY, a),
-                     matching.point(kY, near[i]), matching.point(kY, near[j]));
+              absl::Span<const int> near, Turns* turns) {
+  SidesAround on_x(frames.x, matching.point(kX, a));
+  SidesAround on_y(frames.y, matching.point(kY, a));
+  for (int i = 0; i < static_cast<int>(near.size()); ++i) {
+    on_x.Add(matching.point(kX, near[i]));
+    on_y.Add(matching.point(kY, near[i]));
+    for (int j = 0; j < i; ++j) {
+      const double product = on_x.Side(i, j) * on_y.Side(i, j);
       turns->sum += product;
       turns->magnitude += std::abs(product);
     }
@@ -56,12 +73,10 @@ void AddTurns(const Matching& matching, const FramesOfBoth& frames, int a,
 }  // namespace
 
 double SideAround(const PointFrames& frames, int a, int b, int c) {
-  const Eigen::RowVector3d origin = frames.positions.row(a);
-  const Eigen::RowVector3d to_b =
-      (frames.positions.row(b) - origin).normalized();
-  const Eigen::RowVector3d to_c =
-      (frames.positions.row(c) - origin).normalized();
-  return frames.normals.row(a).dot(to_b.cross(to_c));
+  SidesAround sides(frames, a);
+  sides.Add(b);
+  sides.Add(c);
+  return sides.Side(0, 1);
 }
 
 PointFrames GatherFrames(const Positions& positions, const Positions& normals,
@@ -78,8 +93,8 @@ double OrientationScore(const Matching& matching, const PointFrames& frames_x,
                         const PointFrames& frames_y) {
   Turns turns;
   for (int a = 0; a < matching.size(); ++a) {
-    AddTurns(matching, {frames_x, frames_y}, a, NearestMatches(matching, a),
-             &turns);
+    AddTurns(matching, {frames_x, frames_y}, a,
+             NearestMatches(matching, a).all(), &turns);
   }
   return turns.Score();
 }
@@ -87,18 +102,18 @@ double OrientationScore(const Matching& matching, const PointFrames& frames_x,
 std::vector<double> LocalOrientations(const Matching& matching,
                                       const PointFrames& frames_x,
                                       const PointFrames& frames_y) {
-  std::vector<std::vector<int>> near;
+  std::vector<NearMatches> near;
   std::vector<double> own;
   for (int a = 0; a < matching.size(); ++a) {
     near.push_back(NearestMatches(matching, a));
     Turns turns;
-    AddTurns(matching, {frames_x, frames_y}, a, near.back(), &turns);
+    AddTurns(matching, {frames_x, frames_y}, a, near.back().all(), &turns);
     own.push_back(turns.Score());
   }
   std::vector<double> averaged = own;
   for (int a = 0; a < matching.size(); ++a) {
-    for (const int b : near[a]) averaged[a] += own[b];
-    averaged[a] /= static_cast<double>(near[a].size() + 1);
+    for (const int b : near[a].all()) averaged[a] += own[b];
+    averaged[a] /= near[a].count + 1;
   }
   return averaged;
 }

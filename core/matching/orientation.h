@@ -1,6 +1,10 @@
 #pragma once
 
+#include <array>
 #include <vector>
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
 
 #include "core/matching/matching.h"
 #include "core/mesh/triangle_mesh.h"
@@ -23,6 +27,31 @@ PointFrames GatherFrames(const Positions& positions, const Positions& normals,
 /// On which side of each other, seen from outside, points b and c lie around a:
 /// n_a . (ab x ac) with unit ab and ac, in [-1, 1].
 double SideAround(const PointFrames& frames, int a, int b, int c);
+
+/// SideAround of one point and any two of a few others.
+class SidesAround {
+ public:
+  static constexpr int kMost = 8;
+
+  SidesAround(const PointFrames& frames, int a) : frames_(frames), a_(a) {}
+
+  /// REQUIRES: fewer than kMost points so far.
+  void Add(int b) {
+    directions_[count_++] =
+        (frames_.positions.row(b) - frames_.positions.row(a_)).normalized();
+  }
+
+  /// Of those that were added as the i-th and the j-th.
+  double Side(int i, int j) const {
+    return frames_.normals.row(a_).dot(directions_[i].cross(directions_[j]));
+  }
+
+ private:
+  const PointFrames& frames_;
+  const int a_;
+  int count_ = 0;
+  std::array<Eigen::RowVector3d, kMost> directions_;
+};
 
 /// Tells a map from its mirror image. For each match a and each two (b, c) of
 /// its 6 nearest matches: whether b and c lie on the same side of each other

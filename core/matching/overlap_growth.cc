@@ -3,12 +3,15 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <iterator>
 #include <utility>
 
 #include "absl/types/span.h"
+#include "core/base/lanes.h"
 #include "core/base/parallel.h"
 #include "core/base/status_macros.h"
+#include "core/matching/near_points.h"
 #include "core/matching/orientation.h"
 
 namespace isomatch {
@@ -33,6 +36,8 @@ constexpr std::size_t kAnchors = 12;
 constexpr float kFar = 0.25f;
 /// Cost of a place on the other side of the neighbors.
 constexpr float kWrongSide = 0.3f;
+/// Nearest neighbors that are asked for the side.
+constexpr int kAskedForSide = 5;
 /// Points of X farther apart than this do not lie nearer than that on Y.
 constexpr float kApartX = 0.12f;
 constexpr float kOneOnY = 0.035f;
@@ -67,34 +72,6 @@ constexpr Tolerance kNearDistance = {0.04f, 0.3f};
 constexpr Tolerance kFarDistance = {0.06f, 0.2f};
 /// Of the final matches.
 constexpr Tolerance kKeptDistance = {0.04f, 0.1f};
-
-/// Points by distance from one of them.
-struct NearPoints {
-  std::vector<float> distances;  ///< ascending
-  std::vector<int> points;
-};
-
-/// Those within reach, of each point.
-absl::StatusOr<std::vector<NearPoints>> NearPointsOf(
-    const Eigen::MatrixXf& distances, float reach,
-    const std::stop_token& stop) {
-  std::vector<NearPoints> near(distances.cols());
-  ISOMATCH_RETURN_IF_ERROR(
-      ParallelFor(distances.cols(), stop, [&](std::int64_t p) {
-        std::vector<std::pair<float, int>> found;
-        for (int q = 0; q < static_cast<int>(distances.rows()); ++q) {
-          if (distances(q, p) <= reach) found.emplace_back(distances(q, p), q);
-        }
-        std::sort(found.begin(), found.end());
-        near[p].distances.reserve(found.size());
-        near[p].points.reserve(found.size());
-        for (const auto& [distance, q] : found) {
-          near[p].distances.push_back(distance);
-          near[p].points.push_back(q);
-        }
-      }));
-  return near;
-}
 
 /// What does not change while seeds grow.
 struct Ground {
@@ -141,7 +118,7 @@ class Growth {
       grown.matches.push_back({x, y_of_x_[x]});
       grown.score += kMostCost - costs_[x];
     }
-    const double kept = MeanKeptDistances(grown.matches);
+    const double kept = MeanKeptDistances();
     grown.score *= kept * kept;
     return grown;
   }
@@ -247,20 +224,24 @@ class Growth {
 
   /// A matched point, as it tells where another one belongs.
   struct Witness {
-    int y;           ///< its own place
-    float distance;  ///< on X
+    int y;                     ///< its own place
+    const float* distances_y;  ///< from there
+    float distance;            ///< on X
     float inverse_tolerance;
     float weight;
 
-    float Cost(const float* distances_y) const {
-      return weight * std::min(1.0f, std::abs(distances_y[y] - distance) *
-                                         inverse_tolerance);
+    /// Of places.
+    Lanes Costs(const int* places) const {
+      const Lanes off = AbsLanes(GatherLanes(distances_y, places) - distance);
+      return weight * MinLanes(AllLanes(1), off * inverse_tolerance);
     }
   };
 
   Witness WitnessOf(int x, int other, Tolerance tolerance, float weight) const {
     const float distance = ground_.DistanceX(x, other);
-    return {y_of_x_[other], distance, 1 / tolerance.Of(distance), weight};
+    const int y = y_of_x_[other];
+    return {y, &ground_.y.distances(0, y), distance, 1 / tolerance.Of(distance),
+            weight};
   }
 
   /// What says where a point belongs, nearest neighbor first.
@@ -291,20 +272,25 @@ class Growth {
     const Witness& nearest = witnesses.front();
     const float tolerance = kPossible.Of(nearest.distance);
     const auto& [distances, points] = ground_.near_y[nearest.y];
-    auto i = std::lower_bound(distances.begin(), distances.end(),
-                              nearest.distance - tolerance) -
-             distances.begin();
-    for (;
-         i < std::ssize(points) && distances[i] <= nearest.distance + tolerance;
-         ++i) {
-      const int y = points[i];
-      const float* const distances_y = &ground_.y.distances(0, y);
-      float cost = kUnlikeness * ground_.differences(y, x);
+    const auto first = std::lower_bound(distances.begin(), distances.end(),
+                                        nearest.distance - tolerance);
+    const auto last =
+        std::upper_bound(first, distances.end(), nearest.distance + tolerance);
+    const std::int64_t end = last - distances.begin();
+    for (std::int64_t i = first - distances.begin(); i < end; i += kLanes) {
+      const std::int64_t count = std::min<std::int64_t>(kLanes, end - i);
+      std::array<int, kLanes> ys;
+      ys.fill(points[i]);
+      std::copy_n(points.begin() + i, count, ys.begin());
+      Lanes costs =
+          kUnlikeness * GatherLanes(&ground_.differences(0, x), ys.data());
       for (const Witness& witness : witnesses) {
-        if (cost >= best.cost) break;
-        cost += witness.Cost(distances_y);
+        if (!AnyLane(costs < AllLanes(best.cost))) break;
+        costs += witness.Costs(ys.data());
       }
-      if (cost < best.cost) best = {y, cost};
+      for (std::int64_t k = 0; k < count; ++k) {
+        if (costs[k] < best.cost) best = {ys[k], costs[k]};
+      }
     }
     return best;
   }
@@ -312,14 +298,14 @@ class Growth {
   /// Whether y lies on the other side of its neighbors' images than x of them.
   bool OnWrongSide(int x, int y, const Neighbors& neighbors) const {
     if (!ground_.options.oriented) return false;
+    SidesAround on_x(ground_.x.frames, x);
+    SidesAround on_y(ground_.y.frames, y);
     double agreement = 0;
-    const int count = std::min(neighbors.count, 5);
-    for (int i = 0; i < std::min(count, 4); ++i) {
-      for (int j = i + 1; j < count; ++j) {
-        const int a = neighbors.points[i];
-        const int b = neighbors.points[j];
-        agreement += SideAround(ground_.x.frames, x, a, b) *
-                     SideAround(ground_.y.frames, y, y_of_x_[a], y_of_x_[b]);
+    for (int i = 0; i < std::min(neighbors.count, kAskedForSide); ++i) {
+      on_x.Add(neighbors.points[i]);
+      on_y.Add(y_of_x_[neighbors.points[i]]);
+      for (int j = 0; j < i; ++j) {
+        agreement += on_x.Side(j, i) * on_y.Side(j, i);
       }
     }
     return agreement < 0;
@@ -359,46 +345,67 @@ class Growth {
     }
   }
 
+  /// A matched point, and how many others it keeps the distance from, itself
+  /// among them.
+  struct Kept {
+    int x;
+    int count;
+  };
+
   void TakeOutContradicting() {
-    for (int round = 0; round < kDropRounds; ++round) {
-      std::vector<int> all;
-      for (int x = 0; x < ground_.size_x(); ++x) {
-        if (matched(x)) all.push_back(x);
-      }
-      if (all.size() < kLeastMatches) return;
+    std::vector<Kept> all = CountKeptDistances(kFarDistance);
+    for (int round = 0; round < kDropRounds && all.size() >= kLeastMatches;
+         ++round) {
       std::vector<std::pair<float, int>> contradicting;
-      for (const int x : all) {
-        const float kept = KeptDistances(x, all, kFarDistance);
-        if (kept < kLeastKept && !pinned_[x])
+      for (const auto& [x, count] : all) {
+        const float kept =
+            static_cast<float>(count) / static_cast<float>(all.size());
+        if (kept < kLeastKept && !pinned_[x]) {
           contradicting.emplace_back(kept, x);
+        }
       }
       if (contradicting.empty()) return;
       std::sort(contradicting.begin(), contradicting.end());
       const std::size_t most = std::max<std::size_t>(1, all.size() / 12);
       contradicting.resize(std::min(contradicting.size(), most));
+      for (const auto& [kept, x] : contradicting) {
+        for (Kept& other : all) {
+          other.count -= KeepsDistance(x, other.x, kFarDistance);
+        }
+      }
       for (const auto& [kept, x] : contradicting) TakeOut(x);
+      std::erase_if(all, [&](const Kept& one) { return !matched(one.x); });
     }
   }
 
-  /// From what part of the others a point keeps its distance.
-  float KeptDistances(int x, const std::vector<int>& others,
-                      Tolerance tolerance) const {
-    int kept = 0;
-    for (const int other : others) {
-      const float distance = ground_.DistanceX(x, other);
-      kept +=
-          std::abs(distance - ground_.DistanceY(y_of_x_[x], y_of_x_[other])) <
-          tolerance.Of(distance);
-    }
-    return static_cast<float>(kept) / static_cast<float>(others.size());
+  bool KeepsDistance(int x, int other, Tolerance tolerance) const {
+    const float distance = ground_.DistanceX(x, other);
+    return std::abs(distance - ground_.DistanceY(y_of_x_[x], y_of_x_[other])) <
+           tolerance.Of(distance);
   }
 
-  double MeanKeptDistances(const std::vector<PointMatch>& matches) const {
-    std::vector<int> all;
-    all.reserve(matches.size());
-    for (const PointMatch& match : matches) all.push_back(match.x);
+  std::vector<Kept> CountKeptDistances(Tolerance tolerance) const {
+    std::vector<Kept> all;
+    for (int x = 0; x < ground_.size_x(); ++x) {
+      if (!matched(x)) continue;
+      int own = 1;
+      for (Kept& other : all) {
+        const bool keeps = KeepsDistance(x, other.x, tolerance);
+        own += keeps;
+        other.count += keeps;
+      }
+      all.push_back({x, own});
+    }
+    return all;
+  }
+
+  /// What part of the others each keeps the distance from, on average.
+  double MeanKeptDistances() const {
+    const std::vector<Kept> all = CountKeptDistances(kKeptDistance);
     double sum = 0;
-    for (const int x : all) sum += KeptDistances(x, all, kKeptDistance);
+    for (const Kept& one : all) {
+      sum += static_cast<float>(one.count) / static_cast<float>(all.size());
+    }
     return all.empty() ? 0 : sum / static_cast<double>(all.size());
   }
 

@@ -8,7 +8,7 @@
 namespace isomatch {
 namespace {
 
-constexpr std::int64_t kIndicesPerTask = 256;
+constexpr std::int64_t kIndicesPerTask = 16;
 
 /// Members of a ball at most, of a shape of more vertices a quarter of these:
 /// where edges are as long as the shape, balls would hold all of it each.

@@ -107,15 +107,24 @@ absl::Status CandidateChoice::DescribeAlike() {
   return absl::OkStatus();
 }
 
+absl::StatusOr<VertexMap> CandidateChoice::Alike(
+    const VertexMap& y_from_x, const NearbyMatchOptions& options) {
+  if (!compared_) {
+    ISOMATCH_ASSIGN_OR_RETURN(
+        DescribedPair pair,
+        PairDescriptors(*descriptors_[kX], {*descriptors_[kY], surface_y_},
+                        stop_));
+    compared_.emplace(std::move(pair));
+  }
+  return MatchNearby(*compared_, y_from_x, options, stop_);
+}
+
 /// Moves the images of vertices that are described to the most alike ones in
 /// reach.
-absl::Status CandidateChoice::MoveToAlike(double reach,
-                                          VertexMap* y_from_x) const {
+absl::Status CandidateChoice::MoveToAlike(double reach, VertexMap* y_from_x) {
   if (!described()) return absl::OkStatus();
-  ISOMATCH_ASSIGN_OR_RETURN(
-      const VertexMap alike,
-      MatchNearby(*descriptors_[kX], {*descriptors_[kY], surface_y_}, *y_from_x,
-                  {.reach = reach}, stop_));
+  ISOMATCH_ASSIGN_OR_RETURN(const VertexMap alike,
+                            Alike(*y_from_x, {.reach = reach}));
   for (std::size_t x = 0; x < alike.size(); ++x) {
     if (alike[x] != kNoVertex) (*y_from_x)[x] = alike[x];
   }
@@ -139,7 +148,7 @@ Eigen::VectorXd CandidateChoice::DescribedMass() const {
 /// Looks for the most alike vertices near the images, then lets the wavelet
 /// filter find the smooth map behind those noisy matches. Of parts, whose
 /// functions differ, the alignment has to find it.
-absl::Status CandidateChoice::Filter(VertexMap* y_from_x) const {
+absl::Status CandidateChoice::Filter(VertexMap* y_from_x) {
   if (is_part()) return MoveToAlike(kAlikeReach, y_from_x);
   const auto k = static_cast<int>(x_.functions.rows());
   const Eigen::MatrixXf filter =
@@ -240,7 +249,7 @@ FirstSigns CandidateChoice::SignsOf(const ElasticAlignment& alignment,
 }
 
 absl::Status CandidateChoice::Judge(const ElasticAlignment& alignment,
-                                    Candidate* candidate) const {
+                                    Candidate* candidate) {
   candidate->y_from_x = alignment.y_from_x();
   candidate->matched = alignment.matched();
   MapScores* const scores = &candidate->scores;
@@ -277,7 +286,7 @@ absl::Status CandidateChoice::Judge(const ElasticAlignment& alignment,
 }
 
 absl::Status CandidateChoice::JudgeOverlap(const ElasticAlignment& alignment,
-                                           MapScores* scores) const {
+                                           MapScores* scores) {
   double worth = 0;
   double mismatch = 0;
   double described_area = 0;
@@ -372,7 +381,7 @@ absl::StatusOr<std::unique_ptr<ElasticAlignment>> CandidateChoice::Choose(
 
 /// Refines a dense map and lays it out by the first rounds.
 absl::StatusOr<std::unique_ptr<ElasticAlignment>> CandidateChoice::Begin(
-    Candidate* candidate) const {
+    Candidate* candidate) {
   if (!is_part()) {
     candidate->dense_mismatch = LookedUpMismatch(candidate->y_from_x);
   }
@@ -385,7 +394,7 @@ absl::StatusOr<std::unique_ptr<ElasticAlignment>> CandidateChoice::Begin(
                                0, rounds, [](double) {}, alignment.get())
                                .status());
   candidate->y_from_x = alignment->y_from_x();
-  if (!is_part()) candidate->first_signs = SignsOf(*alignment, *candidate);
+  if (!masks()) candidate->first_signs = SignsOf(*alignment, *candidate);
   return alignment;
 }
 
@@ -400,7 +409,7 @@ void CandidateChoice::JudgeLost(Candidate* candidate) const {
 /// the leading one does, is a rival to the end.
 bool CandidateChoice::IsLost(const Candidate& candidate,
                              const Candidate& leading) const {
-  return !is_part() && oriented_ &&
+  return !masks() && oriented_ &&
          IsFarBehind(candidate.first_signs, leading.first_signs) &&
          ShareInPlace(basis_y_, candidate.y_from_x, leading.y_from_x) >
              kPartlyOne;
@@ -415,13 +424,12 @@ absl::StatusOr<int> CandidateChoice::Finish(
 }
 
 absl::StatusOr<std::vector<float>> CandidateChoice::DescriptorOffsets(
-    const VertexMap& y_from_x) const {
+    const VertexMap& y_from_x) {
   std::vector<float> offsets(y_from_x.size(), -1);
   if (!described()) return offsets;
   ISOMATCH_ASSIGN_OR_RETURN(
       const VertexMap alike,
-      MatchNearby(*descriptors_[kX], {*descriptors_[kY], surface_y_}, y_from_x,
-                  {.reach = kOffsetReach, .every = kOffsetEvery}, stop_));
+      Alike(y_from_x, {.reach = kOffsetReach, .every = kOffsetEvery}));
   for (std::size_t x = 0; x < alike.size(); ++x) {
     if (alike[x] == kNoVertex) continue;
     offsets[x] = static_cast<float>(

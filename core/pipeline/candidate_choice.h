@@ -33,11 +33,11 @@ class CandidateChoice {
   /// Refines every candidate's dense map and lays it out by the first rounds of
   /// the elastic alignment; completes the scores, sorts by the rank value, and
   /// returns the alignment of the best. The rank value of a whole map is
-  /// MisfitOf; one that is far behind after two rounds, and no image of the
-  /// leading one by a symmetry, is given up: its scores are those of then, its
-  /// rank value a bound. The rank value of a part is the distortion times the
-  /// squared mismatches of normals and descriptors. Where both shapes are parts
-  /// it is also found which vertices are matched; there the rank value of the
+  /// MisfitOf, of a part the distortion times the squared mismatches of normals
+  /// and descriptors; a map that is far behind after two rounds, and no image
+  /// of the leading one by a symmetry, is given up: its scores are those of
+  /// then, its rank value a bound. Where both shapes are parts none is given
+  /// up, and it is found which vertices are matched: the rank value of the
   /// first stage is divided by their area, of which unlike places count less,
   /// and multiplied by what CounterpartRule::Misfit says.
   ///
@@ -61,13 +61,15 @@ class CandidateChoice {
   /// it with the most alike descriptor lies; -1 where nothing is described.
   /// REQUIRES: Choose.
   absl::StatusOr<std::vector<float>> DescriptorOffsets(
-      const VertexMap& y_from_x) const;
+      const VertexMap& y_from_x);
 
  private:
   absl::Status DescribeAlike();
-  absl::Status MoveToAlike(double reach, VertexMap* y_from_x) const;
+  absl::StatusOr<VertexMap> Alike(const VertexMap& y_from_x,
+                                  const NearbyMatchOptions& options);
+  absl::Status MoveToAlike(double reach, VertexMap* y_from_x);
   Eigen::VectorXd DescribedMass() const;
-  absl::Status Filter(VertexMap* y_from_x) const;
+  absl::Status Filter(VertexMap* y_from_x);
   /// Returns how far it came: at `end`, but in a hurry.
   absl::StatusOr<int> RunRounds(int begin, int end,
                                 const std::function<void(double)>& progress,
@@ -79,18 +81,16 @@ class CandidateChoice {
   absl::Status Mask(int round, double stiffness,
                     ElasticAlignment* alignment) const;
   /// Takes the map over and completes its scores.
-  absl::Status Judge(const ElasticAlignment& alignment,
-                     Candidate* candidate) const;
+  absl::Status Judge(const ElasticAlignment& alignment, Candidate* candidate);
   std::optional<double> Difference(VertexIndex x, VertexIndex y) const;
   double LookedUpMismatch(const VertexMap& y_from_x) const;
   FirstSigns SignsOf(const ElasticAlignment& alignment,
                      const Candidate& candidate) const;
-  absl::StatusOr<std::unique_ptr<ElasticAlignment>> Begin(
-      Candidate* candidate) const;
+  absl::StatusOr<std::unique_ptr<ElasticAlignment>> Begin(Candidate* candidate);
   void JudgeLost(Candidate* candidate) const;
   bool IsLost(const Candidate& candidate, const Candidate& leading) const;
   absl::Status JudgeOverlap(const ElasticAlignment& alignment,
-                            MapScores* scores) const;
+                            MapScores* scores);
   bool hurries() const { return hurry_.stop_requested(); }
   bool is_part() const { return options_.relation != Relation::kWhole; }
   bool masks() const { return options_.relation == Relation::kOverlap; }
@@ -112,7 +112,8 @@ class CandidateChoice {
   std::array<const ShapeDescriptors*, 2> descriptors_;
   const std::array<double, 2> prepared_radii_;
   std::array<ShapeDescriptors, 2> own_;
-  std::optional<CounterpartRule> rule_;  ///< of parts
+  std::optional<DescribedPair> compared_;  ///< descriptors_, once needed
+  std::optional<CounterpartRule> rule_;    ///< of parts
 };
 
 }  // namespace isomatch

@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "core/base/status_macros.h"
-#include "core/geodesic/basis_points.h"
 #include "core/geodesic/rim_distance.h"
 
 namespace isomatch {
@@ -27,6 +27,8 @@ constexpr float kAtRim = 0.06f;
 constexpr VertexIndex kSources = 40;
 constexpr VertexIndex kOthers = 7;
 constexpr double kMostDifference = 0.3;
+/// What distances may be off, relative.
+constexpr float kFieldError = 1e-3f;
 
 }  // namespace
 
@@ -105,35 +107,40 @@ double CounterpartRule::OpenBorder(const ElasticAlignment& alignment) const {
 }
 
 absl::StatusOr<OverlapMisfit> CounterpartRule::Misfit(
-    const ElasticAlignment& alignment) const {
+    const ElasticAlignment& alignment) {
   const VertexIndex n = solved_x_.mesh.num_vertices();
+  if (!from_x_) {
+    std::vector<VertexIndex> all;
+    const VertexIndex step = std::max<VertexIndex>(1, n / kSources);
+    for (VertexIndex x = 0; x < n; x += step) all.push_back(x);
+    ISOMATCH_ASSIGN_OR_RETURN(
+        from_x_, BasisPoints::Create(solver_x_, std::move(all), nullptr, stop_,
+                                     kFieldError));
+  }
   std::vector<char> matched = alignment.matched();
   if (matched.empty()) matched.assign(n, true);
   const VertexMap& y_from_x = alignment.y_from_x();
-  const VertexIndex step = std::max<VertexIndex>(1, n / kSources);
-  std::vector<VertexIndex> sources;
+  std::vector<int> sources;  // of from_x_
   std::vector<VertexIndex> images;
-  for (VertexIndex x = 0; x < n; x += step) {
+  for (int z = 0; z < from_x_->num_points(); ++z) {
+    const VertexIndex x = from_x_->points()[z];
     if (!matched[x]) continue;
-    sources.push_back(x);
+    sources.push_back(z);
     images.push_back(y_from_x[x]);
   }
   OverlapMisfit misfit;
   if (!sources.empty()) {
     ISOMATCH_ASSIGN_OR_RETURN(
-        const BasisPoints on_x,
-        BasisPoints::Create(solver_x_, sources, nullptr, stop_));
-    ISOMATCH_ASSIGN_OR_RETURN(
         const BasisPoints on_y,
-        BasisPoints::Create(solver_y_, images, nullptr, stop_));
+        BasisPoints::Create(solver_y_, images, nullptr, stop_, kFieldError));
     std::int64_t compared = 0;
     for (VertexIndex x = 0; x < n; x += kOthers) {
       if (!matched[x]) continue;
-      const float* const from_x = on_x.Profile(x);
+      const float* const from_x = from_x_->Profile(x);
       const float* const from_y = on_y.Profile(y_from_x[x]);
       for (std::size_t i = 0; i < sources.size(); ++i, ++compared) {
-        misfit.distortion +=
-            std::min<double>(kMostDifference, std::abs(from_x[i] - from_y[i]));
+        misfit.distortion += std::min<double>(
+            kMostDifference, std::abs(from_x[sources[i]] - from_y[i]));
       }
     }
     if (compared > 0) misfit.distortion /= static_cast<double>(compared);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <stop_token>
 #include <vector>
 
@@ -7,6 +8,7 @@
 #include "absl/types/span.h"
 #include "core/alignment/elastic_alignment.h"
 #include "core/base/vertex_index.h"
+#include "core/geodesic/basis_points.h"
 #include "core/geodesic/distance_field_solver.h"
 #include "core/pipeline/prepared_mesh.h"
 
@@ -42,7 +44,7 @@ class CounterpartRule {
 
   /// Of alignment.matched(), which of a part is all. CANCELLED after the token
   /// given first.
-  absl::StatusOr<OverlapMisfit> Misfit(const ElasticAlignment& alignment) const;
+  absl::StatusOr<OverlapMisfit> Misfit(const ElasticAlignment& alignment);
 
  private:
   void KeepOneEach(const ElasticAlignment& alignment,
@@ -57,6 +59,7 @@ class CounterpartRule {
   const DistanceFieldSolver solver_y_;
   const std::vector<float> rim_distances_x_;
   const std::vector<float> rim_distances_y_;
+  std::optional<BasisPoints> from_x_;  ///< of Misfit, once needed
 };
 
 }  // namespace isomatch

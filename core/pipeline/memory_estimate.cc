@@ -5,6 +5,7 @@
 #include <thread>
 #include <utility>
 
+#include "core/descriptor/nearby_match.h"
 #include "core/descriptor/shot_descriptor.h"
 #include "core/geodesic/basis_points.h"
 #include "core/geodesic/field_sweeps.h"
@@ -99,10 +100,11 @@ ShapeBytes BytesOf(MeshSize mesh, std::int64_t num_landmarks,
                                   FirstStageMatches(num_landmarks, options)
                             : 0;
   bytes.columns = 2 * 4 * n * count;
-  bytes.descriptors =
-      options.alignment_rounds > 0
-          ? 4 * kShotSize * std::min(n, double(kDescribedVertices)) + 4 * n
-          : 0;
+  bytes.descriptors = options.alignment_rounds > 0
+                          ? 4 * (kShotSize + kMainDirections + 1) *
+                                    std::min(n, double(kDescribedVertices)) +
+                                4 * n
+                          : 0;
   // Two alignments at once: the best yet and the one under judgment.
   const double alignments = options.alignment_rounds > 0 ? 2 : 0;
   bytes.features = alignments * 4 * n * (count + 6);

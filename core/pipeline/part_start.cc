@@ -52,6 +52,10 @@ constexpr int kPatience = 2;
 constexpr double kOtherScale = 1.2;
 constexpr double kMuchSupport = 0.7;
 
+/// What distances between points of a pool may be off, relative: far less than
+/// parts that correspond differ by.
+constexpr float kDistanceError = 3e-3f;
+
 /// How many seeds are looked for, among how many points of X.
 struct Effort {
   int points_x;
@@ -84,7 +88,7 @@ absl::Status Measure(const PreparedMesh& shape, const std::stop_token& stop,
   measured->rim_distances = RimDistances(solved.mesh, solver);
   ISOMATCH_ASSIGN_OR_RETURN(
       const BasisPoints fields,
-      BasisPoints::Create(solver, vertices, nullptr, stop));
+      BasisPoints::Create(solver, vertices, nullptr, stop, kDistanceError));
   const auto size = static_cast<int>(vertices.size());
   measured->distances.resize(size, size);
   for (int i = 0; i < size; ++i) {

@@ -17,8 +17,9 @@ namespace {
 
 /// n x sources, by groups.
 std::vector<float> SweptFields(const DistanceFieldSolver& solver,
-                               const std::vector<VertexIndex>& sources) {
-  const FieldSweeps sweeps(solver.stencils());
+                               const std::vector<VertexIndex>& sources,
+                               float least_change = FieldSweeps::kRounding) {
+  const FieldSweeps sweeps(solver.stencils(), least_change);
   // Whatever is not written stays no number.
   std::vector<float> fields(solver.num_vertices() * sources.size(),
                             std::numeric_limits<float>::quiet_NaN());
@@ -100,6 +101,25 @@ TEST(FieldSweepsTest, AreExactAcrossObtuseTriangles) {
   plane.positions.col(0) =
       4 * plane.positions.col(0) + 3 * plane.positions.col(1);
   EXPECT_LT(PlaneError(plane, FarthestOf(plane, 20)), 2e-5);
+}
+
+TEST(FieldSweepsTest, WithoutSmallChangesTheyAreALittleTooLong) {
+  const TriangleMesh mesh = FiveArms(4);
+  const DistanceFieldSolver solver(mesh);
+  const std::vector<VertexIndex> sources = FarthestOf(mesh, 30);
+  const std::vector<float> exact = SweptFields(solver, sources);
+  for (const float change : {1e-4f, 1e-3f}) {
+    const std::vector<float> quick = SweptFields(solver, sources, change);
+    float farthest = 0;
+    float most = 0;
+    for (std::size_t i = 0; i < exact.size(); ++i) {
+      farthest = std::max(farthest, exact[i]);
+      most = std::max(most, quick[i] - exact[i]);
+      EXPECT_GE(quick[i], exact[i] * (1 - 1e-5f));
+    }
+    EXPECT_GT(most, 0);
+    EXPECT_LT(most, 5 * change * farthest);
+  }
 }
 
 TEST(FieldSweepsTest, AnyUnitOfLengthWillDo) {

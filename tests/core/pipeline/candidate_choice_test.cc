@@ -205,18 +205,21 @@ TEST_F(CandidateChoiceTest, AVariantThatIsFarBehindIsGivenUp) {
   for (VertexIndex x = 0; x < places.rows(); ++x) {
     if (places(x, 0) < 0) torn[x] = loser_[x];
   }
-  std::vector<Candidate> candidates = {
-      Planted(winner_, 0.1), Planted(torn, 0.001), Planted(loser_, 0.001)};
-  Choose(&candidates);
-  ASSERT_EQ(candidates.size(), 3u);
-  EXPECT_LT(ErrorOf(candidates[0].y_from_x), 0.03);
-  // The half turn stays to the end, however far behind it is.
-  EXPECT_FALSE(candidates[1].is_lost);
-  EXPECT_GT(ErrorOf(candidates[1].y_from_x), 0.3);
-  EXPECT_TRUE(candidates[2].is_lost);
-  EXPECT_GE(candidates[2].scores.rank_value, candidates[1].scores.rank_value);
-  EXPECT_GT(candidates[2].scores.normal_mismatch, 0);
-  EXPECT_GT(candidates[2].scores.descriptor_mismatch, 0);
+  for (const Relation relation : {Relation::kWhole, Relation::kPartOfY}) {
+    options_.relation = relation;
+    std::vector<Candidate> candidates = {
+        Planted(winner_, 0.1), Planted(torn, 0.001), Planted(loser_, 0.001)};
+    Choose(&candidates);
+    ASSERT_EQ(candidates.size(), 3u);
+    EXPECT_LT(ErrorOf(candidates[0].y_from_x), 0.03);
+    // The half turn stays to the end, however far behind it is.
+    EXPECT_FALSE(candidates[1].is_lost);
+    EXPECT_GT(ErrorOf(candidates[1].y_from_x), 0.3);
+    EXPECT_TRUE(candidates[2].is_lost);
+    EXPECT_GE(candidates[2].scores.rank_value, candidates[1].scores.rank_value);
+    EXPECT_GT(candidates[2].scores.normal_mismatch, 0);
+    EXPECT_GT(candidates[2].scores.descriptor_mismatch, 0);
+  }
 }
 
 TEST_F(CandidateChoiceTest, TheirOrderDecidesNothing) {
