@@ -19,7 +19,8 @@ const char kJobColumns[] =
     "(extract(epoch FROM j.ended) * 1000000)::bigint, "
     "coalesce(l.state, j.state), l.attempt, l.faults, "
     "(extract(epoch FROM l.started) * 1000000)::bigint, "
-    "l.stage, l.stage_fraction, l.total_fraction, l.worker, l.claim, "
+    "l.stage, l.stage_fraction, l.total_fraction, l.has_map, l.worker, "
+    "l.claim, "
     "l.not_before > now(), l.times_held, l.unreadable, "
     "l.queue_deadline < 'infinity' ";
 
@@ -49,6 +50,7 @@ enum Column {
   kStage,
   kStageFraction,
   kTotalFraction,
+  kHasMap,
   kWorker,
   kClaim,
   kIsHeld,
@@ -73,7 +75,7 @@ void ReadLive(const pqxx::row& row, JobRecord& record) {
   record.start_time = TimeOf(row[kStarted]);
   record.progress = {row[kStage].as<std::int32_t>(),
                      row[kStageFraction].as<double>(),
-                     row[kTotalFraction].as<double>()};
+                     row[kTotalFraction].as<double>(), row[kHasMap].as<bool>()};
   record.worker = row[kWorker].as<std::string>();
   record.claim = row[kClaim].as<std::uint64_t>();
   record.is_held = row[kIsHeld].as<bool>();

@@ -166,21 +166,25 @@ absl::StatusOr<std::vector<std::string>> PostgresJobStore::Renew(
   std::vector<std::int32_t> stages;
   std::vector<double> stage_fractions;
   std::vector<double> total_fractions;
+  std::vector<bool> has_maps;
   for (const LeasedJob& job : jobs) {
     ids.push_back(job.id);
     claims.push_back(job.claim);
     stages.push_back(job.progress.stage);
     stage_fractions.push_back(job.progress.stage_fraction);
     total_fractions.push_back(job.progress.total_fraction);
+    has_maps.push_back(job.progress.has_map);
   }
   ISOMATCH_ASSIGN_OR_RETURN(
       const pqxx::result rows,
       pool_.Ask(Repeat::kOnce,
                 "SELECT * FROM isomatch.renew_leases($1::text[], $2::bigint[], "
-                "$3::int[], $4::float8[], $5::float8[], $6::interval)",
+                "$3::int[], $4::float8[], $5::float8[], $6::boolean[], "
+                "$7::interval)",
                 ArrayOf(ids), ArrayOfNumbers(claims), ArrayOfNumbers(stages),
                 ArrayOfNumbers(stage_fractions),
-                ArrayOfNumbers(total_fractions), IntervalOf(lease)));
+                ArrayOfNumbers(total_fractions), ArrayOfNumbers(has_maps),
+                IntervalOf(lease)));
   const std::vector<std::string> own = FirstColumn(rows);
   std::vector<std::string> lost;
   for (const std::string& id : ids) {

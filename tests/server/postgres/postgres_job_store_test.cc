@@ -246,6 +246,34 @@ TEST_F(PostgresQueueTest, ALateWorkerChangesNothing) {
   EXPECT_EQ(store().Get("a")->progress.total_fraction, 0.25);
 }
 
+TEST_F(PostgresQueueTest, AFirstMapIsToldUntilAnotherTakesTheJob) {
+  Insert(Job("a"));
+  const auto first = store().Claim(Asking(100, absl::Milliseconds(1)));
+  ASSERT_TRUE(first.ok() && first->has_value());
+  EXPECT_FALSE((*first)->progress.has_map);
+  const auto renew = [&](bool has_map) {
+    EXPECT_THAT(
+        *store().Renew({{"a", (*first)->claim, {8, 0.5, 0.25, has_map}}},
+                       absl::Milliseconds(1)),
+        IsEmpty());
+    return *store().Get("a");
+  };
+  const JobRecord without = renew(false);
+  EXPECT_FALSE(without.progress.has_map);
+  const JobRecord with = renew(true);
+  EXPECT_TRUE(with.progress.has_map);
+  EXPECT_EQ(with.progress.total_fraction, 0.25);
+  // Watchers wait for another sequence.
+  EXPECT_GT(with.sequence, without.sequence);
+  EXPECT_EQ(renew(true).sequence, with.sequence);
+  absl::SleepFor(absl::Milliseconds(20));
+  EXPECT_TRUE(*store().TakeBack(with, 1));
+  EXPECT_FALSE(store().Get("a")->progress.has_map);
+  const auto second = store().Claim(Asking());
+  ASSERT_TRUE(second.ok() && second->has_value());
+  EXPECT_FALSE((*second)->progress.has_map);
+}
+
 TEST_F(PostgresQueueTest, ALeaseThatIsRenewedIsNotTakenBack) {
   Insert(Job("a"));
   const JobRecord claimed = ClaimAndExpire("a");
