@@ -1,8 +1,6 @@
 #include "server/postgres/postgres_job_store.h"
 
-#include <algorithm>
 #include <atomic>
-#include <map>
 #include <memory>
 #include <set>
 #include <string>
@@ -18,8 +16,7 @@
 #include "absl/time/clock.h"
 #include "core/base/mutex.h"
 #include "core/base/sha256.h"
-#include "server/postgres/postgres_blob_store.h"
-#include "tests/server/postgres/test_database.h"
+#include "tests/server/postgres/postgres_queue_fixture.h"
 #include "tests/server/storage/job_store_conformance.h"
 #include "tests/support/matchers.h"
 
@@ -32,29 +29,6 @@ using testing::IsEmpty;
 using testing::SizeIs;
 using testing::UnorderedElementsAre;
 
-class KeptPostgresJobStore : public KeptJobStore {
- public:
-  explicit KeptPostgresJobStore(std::unique_ptr<PostgresPool> pool)
-      : pool_(std::move(pool)),
-        store_(pool_.get(), {.unwatched_grace = absl::Milliseconds(200)}),
-        blobs_(pool_.get(), {.capacity_bytes = 1 << 30}) {}
-
-  PostgresJobStore& store() override { return store_; }
-  PostgresPool& pool() { return *pool_; }
-
-  std::string Put(const std::string& tenant,
-                  const std::string& bytes) override {
-    const std::string sha256 = Sha256Hex(bytes);
-    EXPECT_THAT(blobs_.Put({tenant, sha256}, bytes, Keep::kPinned), IsOk());
-    return sha256;
-  }
-
- private:
-  const std::unique_ptr<PostgresPool> pool_;
-  PostgresJobStore store_;
-  PostgresBlobStore blobs_;
-};
-
 absl::StatusOr<std::unique_ptr<KeptJobStore>> OpenKept() {
   auto pool = NewDatabase();
   if (!pool.ok()) return pool.status();
@@ -63,63 +37,6 @@ absl::StatusOr<std::unique_ptr<KeptJobStore>> OpenKept() {
 
 INSTANTIATE_TEST_SUITE_P(Postgres, JobStoreTest,
                          testing::Values(JobStoreKind{"Postgres", OpenKept}));
-
-/// What only a store that several processes share can do.
-class PostgresQueueTest : public testing::Test {
- protected:
-  void SetUp() override {
-    auto pool = NewDatabase();
-    ASSERT_THAT(pool, IsOk());
-    kept_ = std::make_unique<KeptPostgresJobStore>(*std::move(pool));
-  }
-
-  PostgresJobStore& store() { return kept_->store(); }
-
-  JobRecord Insert(JobRecord job) {
-    const auto stored = store().Insert(std::move(job));
-    EXPECT_THAT(stored, IsOk());
-    return *stored;
-  }
-
-  static JobRecord Job(const std::string& id, const std::string& tenant = "t",
-                       int priority = 0, std::int64_t bytes = 1) {
-    JobRecord job;
-    job.id = id;
-    job.tenant = tenant;
-    job.priority = priority;
-    job.memory_estimate_bytes = bytes;
-    return job;
-  }
-
-  static ClaimRequest Asking(std::int64_t free = 100,
-                             absl::Duration lease = absl::Seconds(15)) {
-    ClaimRequest request;
-    request.worker = "w";
-    request.free_bytes = free;
-    request.total_bytes = 100;
-    request.lease = lease;
-    request.max_running_per_tenant = 100;
-    return request;
-  }
-
-  std::string ClaimId(const ClaimRequest& request = Asking()) {
-    const auto claimed = store().Claim(request);
-    EXPECT_THAT(claimed, IsOk());
-    return claimed.ok() && *claimed ? (*claimed)->id : "none";
-  }
-
-  /// Claims a job and lets its lease run out.
-  JobRecord ClaimAndExpire(const std::string& id) {
-    EXPECT_EQ(ClaimId(Asking(100, absl::Milliseconds(1))), id);
-    absl::SleepFor(absl::Milliseconds(20));
-    const auto expired = store().Expired(absl::ZeroDuration());
-    EXPECT_THAT(expired, IsOk());
-    EXPECT_THAT(*expired, SizeIs(1));
-    return expired->front();
-  }
-
-  std::unique_ptr<KeptPostgresJobStore> kept_;
-};
 
 TEST_F(PostgresQueueTest, AClaimMakesAJobRunningWithANumberOfItsOwn) {
   Insert(Job("a"));
@@ -223,82 +140,6 @@ TEST_F(PostgresQueueTest, AJobThatWasStartedOftenRunsAlone) {
   }
   EXPECT_EQ(ClaimId(Asking(99)), "none");
   EXPECT_EQ(ClaimId(Asking(100)), "a");
-}
-
-TEST_F(PostgresQueueTest, ALateWorkerChangesNothing) {
-  Insert(Job("a"));
-  const JobRecord first = ClaimAndExpire("a");
-  EXPECT_TRUE(*store().TakeBack(first, 1));
-  EXPECT_FALSE(*store().TakeBack(first, 1));  // whoever else does the chores
-  const auto second = store().Claim(Asking());
-  ASSERT_TRUE(second.ok() && second->has_value());
-  EXPECT_NE((*second)->claim, first.claim);
-  EXPECT_EQ((*second)->faults, 1);
-  EXPECT_EQ((*second)->attempt, 2);
-  JobRecord late = first;
-  late.state = JobState::kFailed;
-  EXPECT_THAT(store().Update(late), StatusIs(absl::StatusCode::kAborted, _));
-  EXPECT_THAT(*store().Renew({{"a", first.claim, {}}}, absl::Seconds(15)),
-              ElementsAre("a"));
-  EXPECT_THAT(*store().Renew({{"a", (*second)->claim, {3, 0.5, 0.25}}},
-                             absl::Seconds(15)),
-              IsEmpty());
-  EXPECT_EQ(store().Get("a")->progress.total_fraction, 0.25);
-}
-
-TEST_F(PostgresQueueTest, AFirstMapIsToldUntilAnotherTakesTheJob) {
-  Insert(Job("a"));
-  const auto first = store().Claim(Asking(100, absl::Milliseconds(1)));
-  ASSERT_TRUE(first.ok() && first->has_value());
-  EXPECT_FALSE((*first)->progress.has_map);
-  const auto renew = [&](bool has_map) {
-    EXPECT_THAT(
-        *store().Renew({{"a", (*first)->claim, {8, 0.5, 0.25, has_map}}},
-                       absl::Milliseconds(1)),
-        IsEmpty());
-    return *store().Get("a");
-  };
-  const JobRecord without = renew(false);
-  EXPECT_FALSE(without.progress.has_map);
-  const JobRecord with = renew(true);
-  EXPECT_TRUE(with.progress.has_map);
-  EXPECT_EQ(with.progress.total_fraction, 0.25);
-  // Watchers wait for another sequence.
-  EXPECT_GT(with.sequence, without.sequence);
-  EXPECT_EQ(renew(true).sequence, with.sequence);
-  absl::SleepFor(absl::Milliseconds(20));
-  EXPECT_TRUE(*store().TakeBack(with, 1));
-  EXPECT_FALSE(store().Get("a")->progress.has_map);
-  const auto second = store().Claim(Asking());
-  ASSERT_TRUE(second.ok() && second->has_value());
-  EXPECT_FALSE((*second)->progress.has_map);
-}
-
-TEST_F(PostgresQueueTest, ALeaseThatIsRenewedIsNotTakenBack) {
-  Insert(Job("a"));
-  const JobRecord claimed = ClaimAndExpire("a");
-  EXPECT_THAT(*store().Renew({{"a", claimed.claim, {}}}, absl::Seconds(15)),
-              IsEmpty());
-  EXPECT_THAT(*store().Expired(absl::ZeroDuration()), IsEmpty());
-  EXPECT_FALSE(*store().TakeBack(claimed, 1));
-}
-
-TEST_F(PostgresQueueTest, NoLeaseEndsWhileTheDatabaseHasJustStarted) {
-  Insert(Job("a"));
-  EXPECT_EQ(ClaimId(Asking(100, absl::Milliseconds(1))), "a");
-  absl::SleepFor(absl::Milliseconds(20));
-  EXPECT_THAT(*store().Expired(absl::Hours(24)), IsEmpty());
-}
-
-TEST_F(PostgresQueueTest, AnEndedJobIsLostToItsWorker) {
-  Insert(Job("a"));
-  const auto claimed = store().Claim(Asking());
-  JobRecord cancelled = *store().Get("a");
-  cancelled.state = JobState::kCancelled;
-  ASSERT_THAT(store().Update(cancelled), IsOk());
-  EXPECT_THAT(*store().Renew({{"a", (*claimed)->claim, {}}}, absl::Seconds(15)),
-              ElementsAre("a"));
-  EXPECT_THAT(*store().LiveSequences({"a"}), IsEmpty());
 }
 
 TEST_F(PostgresQueueTest, AJobThatIsHeldWaits) {
