@@ -127,14 +127,15 @@ class NearbySearch {
   /// References must outlive it.
   NearbySearch(const DescribedPair& pair, const VertexMap& y_from_x,
                const NearbyMatchOptions& options)
-      : x_(pair.x),
-        y_(pair.y),
-        pair_(pair),
+      : pair_(pair),
         y_from_x_(y_from_x),
         options_(options),
         per_square_(static_cast<float>(options.distance_weight /
                                        (options.reach * options.reach))),
         positions_(BallPositions(pair.y.surface.mesh.positions)) {}
+
+  /// BallPositions of Y.
+  const Eigen::Matrix4Xf& positions() const { return positions_; }
 
   std::vector<ImageCluster> Clusters() const;
 
@@ -148,7 +149,7 @@ class NearbySearch {
   static constexpr Eigen::Index kRows = kFew + 5;
 
   VertexIndex Image(Eigen::Index column) const {
-    return y_from_x_[x_.vertices[column]];
+    return y_from_x_[pair_.x.vertices[column]];
   }
   Eigen::Vector3f FromCenter(VertexIndex v, VertexIndex center) const {
     return (positions_.col(v) - positions_.col(center)).head<3>();
@@ -160,8 +161,6 @@ class NearbySearch {
                         const std::vector<VertexIndex>& near,
                         const float* bounds) const;
 
-  const ShapeDescriptors& x_;
-  const DescribedShape& y_;
   const DescribedPair& pair_;
   const VertexMap& y_from_x_;
   const NearbyMatchOptions& options_;
@@ -171,12 +170,12 @@ class NearbySearch {
 
 std::vector<ImageCluster> NearbySearch::Clusters() const {
   const std::int64_t count =
-      (std::ssize(x_.vertices) + options_.every - 1) / options_.every;
+      (std::ssize(pair_.x.vertices) + options_.every - 1) / options_.every;
   const SortedBuckets<Eigen::Index> by_image(
-      count, y_.surface.mesh.num_vertices(),
+      count, pair_.y.surface.mesh.num_vertices(),
       [&](std::int64_t i) { return Image(i * options_.every); },
       [&](std::int64_t i) { return i * options_.every; });
-  ConnectedBall ball(positions_, y_.surface.stars);
+  ConnectedBall ball(positions_, pair_.y.surface.stars);
   std::vector<char> taken(by_image.count());
   std::vector<ImageCluster> clusters;
   for (VertexIndex center = 0; center < by_image.count(); ++center) {
@@ -217,7 +216,8 @@ PointColumns NearbySearch::Places(const std::vector<VertexIndex>& near,
   PointColumns places(kRows, lanes * kLanes);
   for (Eigen::Index i = 0; i < std::ssize(near); ++i) {
     const auto few =
-        pair_.few_y.col(y_.descriptors.column_of_vertex[near[i]]).head<kFew>();
+        pair_.few_y.col(pair_.y.descriptors.column_of_vertex[near[i]])
+            .head<kFew>();
     const Eigen::Vector3f place = FromCenter(near[i], center);
     places.col(i).head<kFew>() = few;
     places.col(i).segment<3>(kFew) = place;
@@ -241,10 +241,11 @@ VertexIndex NearbySearch::MostAlike(Eigen::Index column,
   const auto consider = [&](VertexIndex v) {
     const float squared = (positions_.col(v) - image).squaredNorm();
     if (squared >= enough) return;
-    const Eigen::Index other = y_.descriptors.column_of_vertex[v];
-    const float unlikeness = Unlikeness(
-        x_.columns.col(column).data(), y_.descriptors.columns.col(other).data(),
-        per_square_ * squared, least);
+    const Eigen::Index other = pair_.y.descriptors.column_of_vertex[v];
+    const float unlikeness =
+        Unlikeness(pair_.x.columns.col(column).data(),
+                   pair_.y.descriptors.columns.col(other).data(),
+                   per_square_ * squared, least);
     if (unlikeness >= least) return;
     least = unlikeness;
     best = v;
@@ -265,14 +266,14 @@ void NearbySearch::Match(const ImageCluster& cluster, ConnectedBall* around,
   std::vector<VertexIndex> near;
   for (const auto& [v, distance] :
        around->Around(cluster.center, options_.reach + cluster.radius)) {
-    if (y_.descriptors.column_of_vertex[v] >= 0) near.push_back(v);
+    if (pair_.y.descriptors.column_of_vertex[v] >= 0) near.push_back(v);
   }
   if (near.empty()) return;
   const PointColumns bounds =
       Places(near, cluster.center).transpose() * Queries(cluster);
   for (Eigen::Index i = 0; i < bounds.cols(); ++i) {
     const Eigen::Index column = cluster.columns[i];
-    (*matches)[x_.vertices[column]] =
+    (*matches)[pair_.x.vertices[column]] =
         MostAlike(column, near, bounds.col(i).data());
   }
 }
@@ -315,7 +316,7 @@ absl::StatusOr<VertexMap> MatchNearby(const DescribedPair& pair,
   const NearbySearch search(pair, y_from_x, options);
   const std::vector<ImageCluster> clusters = search.Clusters();
   ISOMATCH_RETURN_IF_ERROR(ParallelForWithBall(
-      pair.y.surface.mesh, pair.y.surface.stars, std::ssize(clusters), stop,
+      search.positions(), pair.y.surface.stars, std::ssize(clusters), stop,
       [&](std::int64_t i, ConnectedBall* around) {
         search.Match(clusters[i], around, &matches);
       }));

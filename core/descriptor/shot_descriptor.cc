@@ -236,7 +236,8 @@ absl::StatusOr<PointColumns> ShotDescriptors(
              columns.col(i));
   };
   ISOMATCH_RETURN_IF_ERROR(
-      ParallelForWithBall(surface.mesh, surface.stars, count, stop, describe));
+      ParallelForWithBall(BallPositions(surface.mesh.positions), surface.stars,
+                          count, stop, describe));
   return columns;
 }
 

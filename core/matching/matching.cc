@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "core/base/lanes.h"
+#include "core/matching/nearest_list.h"
 
 namespace isomatch {
 
@@ -146,17 +147,10 @@ void Matching::EmbeddingErrors(Side side, int point, int count,
 }
 
 void Matching::OfferNear(int i, std::size_t listed, int other) {
-  int* const near = near_.data() + i * near_count_;
-  float* const closeness = near_closeness_.data() + i * near_count_;
-  const float value = closeness_[kX](i, other);
-  std::size_t at = std::min(listed, near_count_ - 1);
-  if (listed >= near_count_ && !(value > closeness[at])) return;
-  for (; at > 0 && closeness[at - 1] < value; --at) {
-    near[at] = near[at - 1];
-    closeness[at] = closeness[at - 1];
-  }
-  near[at] = other;
-  closeness[at] = value;
+  const NearestList list = {near_.data() + i * near_count_,
+                            near_closeness_.data() + i * near_count_,
+                            near_count_};
+  list.Offer(listed, other, closeness_[kX](i, other));
 }
 
 void Matching::ListNearestOnX(int count) {

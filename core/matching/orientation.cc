@@ -3,41 +3,33 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstddef>
 #include <vector>
 
 #include "absl/types/span.h"
+#include "core/matching/nearest_list.h"
 
 namespace isomatch {
 namespace {
 
-constexpr int kNeighbors = 6;
+constexpr std::size_t kNeighbors = 6;
 
 /// The nearest matches of one, nearest first, ties by index.
 struct NearMatches {
-  int count = 0;
+  std::size_t count = 0;
   std::array<int, kNeighbors> matches;
 
-  absl::Span<const int> all() const {
-    return {matches.data(), std::size_t(count)};
-  }
+  absl::Span<const int> all() const { return {matches.data(), count}; }
 };
 
 NearMatches NearestMatches(const Matching& matching, int a) {
   NearMatches near;
   std::array<float, kNeighbors> closeness;
+  const NearestList list = {near.matches.data(), closeness.data(), kNeighbors};
   for (int b = 0; b < matching.size(); ++b) {
-    const float value = matching.closeness(kX, a, b);
-    if (b == a || (near.count == kNeighbors && value <= closeness.back())) {
-      continue;
-    }
-    int at = std::min(near.count, kNeighbors - 1);
-    near.count = at + 1;
-    for (; at > 0 && closeness[at - 1] < value; --at) {
-      near.matches[at] = near.matches[at - 1];
-      closeness[at] = closeness[at - 1];
-    }
-    near.matches[at] = b;
-    closeness[at] = value;
+    if (b == a) continue;
+    list.Offer(near.count, b, matching.closeness(kX, a, b));
+    near.count = std::min(near.count + 1, kNeighbors);
   }
   return near;
 }
@@ -113,7 +105,7 @@ std::vector<double> LocalOrientations(const Matching& matching,
   std::vector<double> averaged = own;
   for (int a = 0; a < matching.size(); ++a) {
     for (const int b : near[a].all()) averaged[a] += own[b];
-    averaged[a] /= near[a].count + 1;
+    averaged[a] /= static_cast<double>(near[a].count + 1);
   }
   return averaged;
 }

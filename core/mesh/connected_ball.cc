@@ -8,7 +8,8 @@
 namespace isomatch {
 namespace {
 
-constexpr std::int64_t kIndicesPerTask = 16;
+/// Tasks at most, or so: each makes a ball as large as the mesh.
+constexpr std::int64_t kTasks = 64;
 
 /// Members of a ball at most, of a shape of more vertices a quarter of these:
 /// where edges are as long as the shape, balls would hold all of it each.
@@ -70,16 +71,15 @@ Eigen::Matrix4Xf BallPositions(const Positions& positions) {
 }
 
 absl::Status ParallelForWithBall(
-    const TriangleMesh& mesh, const VertexStars& stars, std::int64_t count,
-    const std::stop_token& stop,
+    const Eigen::Matrix4Xf& positions, const VertexStars& stars,
+    std::int64_t count, const std::stop_token& stop,
     const std::function<void(std::int64_t, ConnectedBall*)>& body) {
-  // Side by side, since balls visit them one by one.
-  const Eigen::Matrix4Xf positions = BallPositions(mesh.positions);
-  const std::int64_t tasks = (count + kIndicesPerTask - 1) / kIndicesPerTask;
+  const std::int64_t per_task = (count + kTasks - 1) / kTasks;
+  const std::int64_t tasks = count > 0 ? (count + per_task - 1) / per_task : 0;
   return ParallelFor(tasks, stop, [&](std::int64_t task) {
     ConnectedBall ball(positions, stars);
-    const std::int64_t end = std::min(count, (task + 1) * kIndicesPerTask);
-    for (std::int64_t i = task * kIndicesPerTask; i < end; ++i) {
+    const std::int64_t end = std::min(count, (task + 1) * per_task);
+    for (std::int64_t i = task * per_task; i < end; ++i) {
       if (stop.stop_requested()) return;
       body(i, &ball);
     }

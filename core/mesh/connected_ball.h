@@ -51,9 +51,10 @@ Eigen::Matrix4Xf BallPositions(const Positions& positions);
 
 /// Calls `body(i, ball)` for i in [0, count) as ParallelFor does, each task
 /// with a ball of its own. Balls can be large: a stop is seen between any two.
+/// `positions`: BallPositions of the mesh.
 absl::Status ParallelForWithBall(
-    const TriangleMesh& mesh, const VertexStars& stars, std::int64_t count,
-    const std::stop_token& stop,
+    const Eigen::Matrix4Xf& positions, const VertexStars& stars,
+    std::int64_t count, const std::stop_token& stop,
     const std::function<void(std::int64_t, ConnectedBall*)>& body);
 
 }  // namespace isomatch

@@ -27,8 +27,8 @@ constexpr float kAtRim = 0.06f;
 constexpr VertexIndex kSources = 40;
 constexpr VertexIndex kOthers = 7;
 constexpr double kMostDifference = 0.3;
-/// What distances may be off, relative.
-constexpr float kFieldError = 1e-3f;
+/// Changes that the fields are not followed to.
+constexpr float kFieldChange = 1e-3f;
 
 }  // namespace
 
@@ -115,7 +115,7 @@ absl::StatusOr<OverlapMisfit> CounterpartRule::Misfit(
     for (VertexIndex x = 0; x < n; x += step) all.push_back(x);
     ISOMATCH_ASSIGN_OR_RETURN(
         from_x_, BasisPoints::Create(solver_x_, std::move(all), nullptr, stop_,
-                                     kFieldError));
+                                     kFieldChange));
   }
   std::vector<char> matched = alignment.matched();
   if (matched.empty()) matched.assign(n, true);
@@ -132,7 +132,7 @@ absl::StatusOr<OverlapMisfit> CounterpartRule::Misfit(
   if (!sources.empty()) {
     ISOMATCH_ASSIGN_OR_RETURN(
         const BasisPoints on_y,
-        BasisPoints::Create(solver_y_, images, nullptr, stop_, kFieldError));
+        BasisPoints::Create(solver_y_, images, nullptr, stop_, kFieldChange));
     std::int64_t compared = 0;
     for (VertexIndex x = 0; x < n; x += kOthers) {
       if (!matched[x]) continue;

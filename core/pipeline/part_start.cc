@@ -52,9 +52,9 @@ constexpr int kPatience = 2;
 constexpr double kOtherScale = 1.2;
 constexpr double kMuchSupport = 0.7;
 
-/// What distances between points of a pool may be off, relative: far less than
-/// parts that correspond differ by.
-constexpr float kDistanceError = 3e-3f;
+/// Changes that fields between points of a pool are not followed to: what they
+/// add up to is far less than parts that correspond differ by.
+constexpr float kPoolChange = 3e-3f;
 
 /// How many seeds are looked for, among how many points of X.
 struct Effort {
@@ -88,7 +88,7 @@ absl::Status Measure(const PreparedMesh& shape, const std::stop_token& stop,
   measured->rim_distances = RimDistances(solved.mesh, solver);
   ISOMATCH_ASSIGN_OR_RETURN(
       const BasisPoints fields,
-      BasisPoints::Create(solver, vertices, nullptr, stop, kDistanceError));
+      BasisPoints::Create(solver, vertices, nullptr, stop, kPoolChange));
   const auto size = static_cast<int>(vertices.size());
   measured->distances.resize(size, size);
   for (int i = 0; i < size; ++i) {

@@ -87,9 +87,10 @@ TEST_F(NearbyMatchTest, NothingInReachIsMoreAlike) {
     };
     double least = std::numeric_limits<double>::infinity();
     for (const auto& [v, distance] : ball.Around(scattered[x], options.reach)) {
-      if (described.column_of_vertex[v] >= 0)
-        least = std::min(least, unlike(v));
+      if (described.column_of_vertex[v] < 0) continue;
+      least = std::min(least, unlike(v));
     }
+    ASSERT_NE(found[x], kNoVertex);
     EXPECT_LE(unlike(found[x]), least + 1e-6) << x;
     // Where edges lead that go not much farther.
     const auto& near = ball.Around(scattered[x], 1.5 * options.reach);
