@@ -63,7 +63,7 @@ class PostgresServer {
 
  private:
   PostgresServer(std::string program, Options options)
-      : program_(std::move(program)), options_(options) {}
+      : program_(std::move(program)), options_(std::move(options)) {}
 
   absl::Status WaitUntilItAnswers();
 

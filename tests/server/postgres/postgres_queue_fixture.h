@@ -30,7 +30,7 @@ class KeptPostgresJobStore : public KeptJobStore {
 
   std::string Put(const std::string& tenant,
                   const std::string& bytes) override {
-    const std::string sha256 = Sha256Hex(bytes);
+    std::string sha256 = Sha256Hex(bytes);
     EXPECT_THAT(blobs_.Put({tenant, sha256}, bytes, Keep::kPinned), IsOk());
     return sha256;
   }

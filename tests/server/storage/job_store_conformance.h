@@ -24,6 +24,7 @@ inline JobRecord NewJob(const std::string& id,
 /// Returns the jobs' ids, in their order.
 inline std::vector<std::string> IdsOf(const std::vector<JobRecord>& records) {
   std::vector<std::string> ids;
+  ids.reserve(records.size());
   for (const JobRecord& record : records) ids.push_back(record.id);
   return ids;
 }
