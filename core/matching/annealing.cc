@@ -10,8 +10,6 @@ namespace {
 
 /// Changes below this are rounding of single-precision sums, no improvement.
 constexpr double kRounding = 1e-5;
-/// A change of so many times the temperature is never accepted: e^-40.
-constexpr double kHopeless = 40;
 
 /// The `count` unmatched points of Y closest to the image of match i, in
 /// decreasing order of closeness.
@@ -47,6 +45,14 @@ int DrawPartner(const Matching& matching, int neighbors, int i,
   return j < i ? j : j + 1;
 }
 
+/// Whether `drawn` of [0, 1) is below e^-x.
+bool IsAccepted(double x, double drawn) {
+  // e^x is above the first terms of its series, which are quicker.
+  constexpr double kAbove = 1 + 1e-9;
+  if (x > 0 && drawn * (1 + x * (1 + x / 2)) > kAbove) return false;
+  return drawn < std::exp(-x);
+}
+
 }  // namespace
 
 SwapCounts SwapPhase(const SwapOptions& options, double temperature,
@@ -61,11 +67,7 @@ SwapCounts SwapPhase(const SwapOptions& options, double temperature,
     const double change = matching->SwapChange(i, j);
     if (!(change < -kRounding)) {
       if (temperature == 0) continue;
-      const double drawn = random->Unit();
-      if (change > kHopeless * temperature ||
-          !(drawn < std::exp(-change / temperature))) {
-        continue;
-      }
+      if (!IsAccepted(change / temperature, random->Unit())) continue;
     }
     matching->Swap(i, j);
     ++counts.accepted;

@@ -106,7 +106,10 @@ int ImageOf(const FirstStageOptions& options, const Matching& matching, int x,
   const int all = matching.pool(kY).size();
   const int places = options.places > 0 ? std::min(options.places, all) : all;
   matching.EmbeddingErrors(kX, x, places, errors);
-  return static_cast<int>(std::min_element(errors->begin(), errors->end()) -
+  // The value alone is found many times faster than its place.
+  const float least =
+      Eigen::Map<const Eigen::ArrayXf>(errors->data(), places).minCoeff();
+  return static_cast<int>(std::find(errors->begin(), errors->end(), least) -
                           errors->begin());
 }
 

@@ -36,7 +36,7 @@ constexpr std::uint64_t kSecondStageStream = std::uint64_t{1} << 40;
 /// Below this, rank values are rounding.
 constexpr double kRounding = 1e-8;
 /// Seeds of a part that grow as those of overlaps do.
-constexpr std::size_t kGrownSeeds = 120;
+constexpr std::size_t kGrownSeeds = 80;
 /// A landmark is kept when the map sends it no further than this from where it
 /// should go, in sqrt(area).
 constexpr float kLandmarkTolerance = 0.1f;
