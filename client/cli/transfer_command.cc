@@ -143,9 +143,9 @@ absl::StatusOr<Inputs> ReadInputs(const TransferArguments& arguments,
   Inputs inputs;
   std::vector<std::string> warnings;
   ISOMATCH_ASSIGN_OR_RETURN(
-      LoadedMesh x, LoadMesh(arguments.x, "X", arguments.weld, &warnings));
-  ISOMATCH_ASSIGN_OR_RETURN(
-      LoadedMesh y, LoadMesh(arguments.y, "Y", arguments.weld, &warnings));
+      LoadedPair meshes,
+      LoadMeshes(arguments.x, arguments.y, arguments.weld, &warnings));
+  auto& [x, y] = meshes;
   Warn(warnings, terminal);
   inputs.mesh_x = x.WithFileFaces();
   inputs.mesh_y = y.WithFileFaces();

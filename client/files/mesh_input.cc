@@ -1,6 +1,8 @@
 #include "client/files/mesh_input.h"
 
+#include <future>
 #include <optional>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "client/files/mesh_weld.h"
@@ -35,15 +37,23 @@ absl::StatusOr<LoadedMesh> LoadMeshFile(const std::string& path,
   return loaded;
 }
 
-absl::StatusOr<LoadedMesh> LoadMesh(const std::string& path,
-                                    const std::string& field,
-                                    const std::string& weld,
-                                    std::vector<std::string>* warnings) {
-  ISOMATCH_ASSIGN_OR_RETURN(LoadedMesh loaded, LoadMeshFile(path, field, weld));
-  for (const std::string& warning : loaded.warnings) {
-    warnings->push_back(absl::StrCat(field, ": '", path, "': ", warning));
+absl::StatusOr<LoadedPair> LoadMeshes(const std::string& path_x,
+                                      const std::string& path_y,
+                                      const std::string& weld,
+                                      std::vector<std::string>* warnings) {
+  std::future<absl::StatusOr<LoadedMesh>> x =
+      std::async([&] { return LoadMeshFile(path_x, "X", weld); });
+  absl::StatusOr<LoadedMesh> y = LoadMeshFile(path_y, "Y", weld);
+  LoadedPair pair;
+  ISOMATCH_ASSIGN_OR_RETURN(pair.x, x.get());
+  ISOMATCH_ASSIGN_OR_RETURN(pair.y, std::move(y));
+  for (const std::string& warning : pair.x.warnings) {
+    warnings->push_back(absl::StrCat("X: '", path_x, "': ", warning));
   }
-  return loaded;
+  for (const std::string& warning : pair.y.warnings) {
+    warnings->push_back(absl::StrCat("Y: '", path_y, "': ", warning));
+  }
+  return pair;
 }
 
 }  // namespace isomatch

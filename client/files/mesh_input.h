@@ -15,10 +15,16 @@ absl::StatusOr<LoadedMesh> LoadMeshFile(const std::string& path,
                                         const std::string& field,
                                         const std::string& weld);
 
-/// The same; the warnings, which name field and file, go to `warnings`.
-absl::StatusOr<LoadedMesh> LoadMesh(const std::string& path,
-                                    const std::string& field,
-                                    const std::string& weld,
-                                    std::vector<std::string>* warnings);
+struct LoadedPair {
+  LoadedMesh x;
+  LoadedMesh y;
+};
+
+/// The same of X and Y, at the same time where there can be a thread; the
+/// warnings, which name field and file, go to `warnings`, those of X first.
+absl::StatusOr<LoadedPair> LoadMeshes(const std::string& path_x,
+                                      const std::string& path_y,
+                                      const std::string& weld,
+                                      std::vector<std::string>* warnings);
 
 }  // namespace isomatch

@@ -8,7 +8,6 @@
 #include "client/files/map_file.h"
 #include "client/files/mesh_input.h"
 #include "client/files/text_file.h"
-#include "core/base/parallel.h"
 #include "core/base/status_macros.h"
 
 namespace isomatch {
@@ -58,18 +57,9 @@ absl::Status ReadMatchLandmarks(const LandmarkPaths& files,
 absl::StatusOr<FileOfY> ReadMatchFiles(const MatchPaths& files,
                                        MatchRequest* request,
                                        std::vector<std::string>* warnings) {
-  LoadedMesh x;
-  LoadedMesh y;
-  std::vector<std::string> warnings_y;
-  const auto load = [&](const std::string& path, const std::string& field,
-                        LoadedMesh* mesh, std::vector<std::string>* about) {
-    ISOMATCH_ASSIGN_OR_RETURN(*mesh, LoadMesh(path, field, files.weld, about));
-    return absl::OkStatus();
-  };
-  ISOMATCH_RETURN_IF_ERROR(
-      RunBoth([&] { return load(files.x, "X", &x, warnings); },
-              [&] { return load(files.y, "Y", &y, &warnings_y); }));
-  warnings->insert(warnings->end(), warnings_y.begin(), warnings_y.end());
+  ISOMATCH_ASSIGN_OR_RETURN(LoadedPair meshes,
+                            LoadMeshes(files.x, files.y, files.weld, warnings));
+  auto& [x, y] = meshes;
   FileOfY file_y = {y.WithFileFaces(), std::move(y.colors)};
   request->mesh_x = std::move(x.mesh);
   request->mesh_y = std::move(y.mesh);

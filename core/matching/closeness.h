@@ -58,6 +58,9 @@ class ClosenessRows {
   std::vector<float> profiles_;  ///< |Z| x stride: basis point by basis point
 };
 
+/// Position of the smallest value, the first of equal ones.
+int LeastOf(absl::Span<const float> values);
+
 /// Positions of the `count` largest of `size` values other than `self`, in
 /// decreasing order, ties by position.
 std::vector<int> ClosestOf(const float* closeness, int size, int self,

@@ -106,11 +106,7 @@ int ImageOf(const FirstStageOptions& options, const Matching& matching, int x,
   const int all = matching.pool(kY).size();
   const int places = options.places > 0 ? std::min(options.places, all) : all;
   matching.EmbeddingErrors(kX, x, places, errors);
-  // The value alone is found many times faster than its place.
-  const float least =
-      Eigen::Map<const Eigen::ArrayXf>(errors->data(), places).minCoeff();
-  return static_cast<int>(std::find(errors->begin(), errors->end(), least) -
-                          errors->begin());
+  return LeastOf(*errors);
 }
 
 float DistanceBetween(const PointPool& pool, int a, int b) {

@@ -69,11 +69,8 @@ int Matching::FarthestUnmatched(Side side) const {
 
 int Matching::LeastUnmatched(
     Side side, const Eigen::Ref<const Eigen::ArrayXf>& values) const {
-  // The value alone is found many times faster than its place.
-  const float smallest = values.minCoeff();
-  const float* const begin = values.data();
-  const auto first = static_cast<int>(
-      std::find(begin, begin + values.size(), smallest) - begin);
+  const int first =
+      LeastOf({values.data(), static_cast<std::size_t>(values.size())});
   if (first < values.size() && !is_matched_[side][first]) return first;
   int best = -1;
   float least = std::numeric_limits<float>::infinity();
