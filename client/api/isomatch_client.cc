@@ -120,8 +120,11 @@ absl::Status OutcomeOf(const v1::Job& job) {
 }
 
 IsomatchClient::IsomatchClient(const std::shared_ptr<grpc::Channel>& channel,
-                               absl::Duration patience)
-    : stub_(v1::CorrespondenceService::NewStub(channel)), patience_(patience) {}
+                               absl::Duration patience,
+                               const DracoOptions& draco)
+    : stub_(v1::CorrespondenceService::NewStub(channel)),
+      patience_(patience),
+      draco_(draco) {}
 
 absl::StatusOr<v1::GetServerInfoResponse> IsomatchClient::GetServerInfo(
     const std::stop_token& stop) {
@@ -187,8 +190,8 @@ absl::StatusOr<v1::Job> IsomatchClient::Create(const MatchRequest& request,
   EncodedPair meshes;
   // By a thread, where there can be one: large meshes take a second.
   std::future<absl::StatusOr<EncodedMesh>> x =
-      std::async([&] { return EncodeDraco(request.mesh_x); });
-  absl::StatusOr<EncodedMesh> y = EncodeDraco(request.mesh_y);
+      std::async([&] { return EncodeDraco(request.mesh_x, draco_); });
+  absl::StatusOr<EncodedMesh> y = EncodeDraco(request.mesh_y, draco_);
   ISOMATCH_ASSIGN_OR_RETURN(meshes.x, x.get());
   ISOMATCH_ASSIGN_OR_RETURN(meshes.y, std::move(y));
   const v1::GetServerInfoResponse::Limits& limits = server.limits();
@@ -216,7 +219,8 @@ absl::StatusOr<bool> IsomatchClient::UploadMesh(const TriangleMesh& mesh,
                                                 const std::stop_token& stop) {
   ISOMATCH_ASSIGN_OR_RETURN(const v1::GetServerInfoResponse server,
                             GetServerInfo(stop));
-  ISOMATCH_ASSIGN_OR_RETURN(const EncodedMesh encoded, EncodeDraco(mesh));
+  ISOMATCH_ASSIGN_OR_RETURN(const EncodedMesh encoded,
+                            EncodeDraco(mesh, draco_));
   *digest = DigestOf(encoded.bytes);
   ISOMATCH_ASSIGN_OR_RETURN(const std::optional<std::uint64_t> received,
                             FindReceived(*digest, stop));

@@ -151,7 +151,7 @@ absl::Status RunBatch(const BatchArguments& arguments,
     options.job.threads = ThreadsHere(options.job.threads);
     ISOMATCH_ASSIGN_OR_RETURN(
         embedded, StartEmbeddedServer(options.parallel, options.job.threads));
-    client.emplace(embedded->InProcessChannel());
+    client = ClientOf(embedded.get());
   } else {
     ISOMATCH_ASSIGN_OR_RETURN(
         const RemoteServer server,

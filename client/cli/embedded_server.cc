@@ -31,4 +31,9 @@ absl::StatusOr<std::unique_ptr<Server>> StartEmbeddedServer(
   return Server::Create(config);
 }
 
+IsomatchClient ClientOf(Server* server) {
+  return IsomatchClient(server->InProcessChannel(), IsomatchClient::kPatience,
+                        {.is_local = true});
+}
+
 }  // namespace isomatch

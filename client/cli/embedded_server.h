@@ -4,6 +4,7 @@
 #include <memory>
 
 #include "absl/status/statusor.h"
+#include "client/api/isomatch_client.h"
 #include "server/server.h"
 
 namespace isomatch {
@@ -17,5 +18,8 @@ std::uint32_t ThreadsHere(std::uint32_t threads);
 /// `threads` of each, 0 sharing the cores among them. Errors of Server::Create.
 absl::StatusOr<std::unique_ptr<Server>> StartEmbeddedServer(
     int workers = 1, std::uint32_t threads = 0);
+
+/// A client of such a server, which must outlive it.
+IsomatchClient ClientOf(Server* server);
 
 }  // namespace isomatch

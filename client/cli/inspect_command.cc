@@ -52,7 +52,7 @@ absl::StatusOr<v1::GetServerInfoResponse> AskEmbedded(
     const std::stop_token& stop) {
   ISOMATCH_ASSIGN_OR_RETURN(const std::unique_ptr<Server> server,
                             StartEmbeddedServer());
-  return IsomatchClient(server->InProcessChannel()).GetServerInfo(stop);
+  return ClientOf(server.get()).GetServerInfo(stop);
 }
 
 absl::StatusOr<v1::GetServerInfoResponse> AskServer(

@@ -110,8 +110,7 @@ absl::StatusOr<MatchResult> RunEmbedded(const MatchRequest& request,
   ISOMATCH_ASSIGN_OR_RETURN(const std::unique_ptr<Server> server,
                             StartEmbeddedServer(
                                 /*workers=*/1, arguments.job.threads));
-  return RequestMatch(IsomatchClient(server->InProcessChannel()), request,
-                      arguments, terminal);
+  return RequestMatch(ClientOf(server.get()), request, arguments, terminal);
 }
 
 // For a terminal that got no map.

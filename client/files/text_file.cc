@@ -6,14 +6,13 @@
 
 #include <algorithm>
 #include <array>
+#include <bitset>
 #include <cerrno>
 #include <charconv>
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <limits>
-#include <sstream>
 #include <system_error>
 #include <utility>
 
@@ -21,7 +20,6 @@
 #include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_split.h"
 #include "core/base/file_bytes.h"
 #include "core/base/status_macros.h"
 
@@ -108,14 +106,15 @@ absl::Status CheckInputFile(const std::string& path, const std::string& what) {
 absl::StatusOr<std::string> ReadFile(const std::string& path,
                                      const std::string& what) {
   ISOMATCH_RETURN_IF_ERROR(CheckInputFile(path, what));
-  std::ifstream file(path, std::ios::binary);
-  std::ostringstream bytes;
-  bytes << file.rdbuf();
-  if (!file || !bytes) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(InQuotes(path), ": cannot be read to its end"));
-  }
-  return std::move(bytes).str();
+  std::error_code error;
+  const std::uintmax_t size = fs::file_size(path, error);
+  std::string bytes;
+  const int file = open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  const bool is_read = !error && file >= 0 && ReadUpTo(size, file, &bytes) == 0;
+  if (file >= 0) close(file);
+  if (is_read) return bytes;
+  return absl::InvalidArgumentError(
+      absl::StrCat(InQuotes(path), ": cannot be read to its end"));
 }
 
 absl::Status CheckOutputFile(const std::string& path) {
@@ -204,7 +203,25 @@ absl::StatusOr<std::int64_t> ParseHeaderCount(absl::string_view word,
 
 std::vector<absl::string_view> SplitWords(absl::string_view line,
                                           absl::string_view blanks) {
-  return absl::StrSplit(line, absl::ByAnyChar(blanks), absl::SkipEmpty());
+  std::vector<absl::string_view> words;
+  SplitWordsInto(&words, line, blanks);
+  return words;
+}
+
+void SplitWordsInto(std::vector<absl::string_view>* words,
+                    absl::string_view line, absl::string_view blanks) {
+  // absl::StrSplit takes a quarter of the time in which a mesh is read.
+  std::bitset<256> is_blank;
+  for (const unsigned char blank : blanks) is_blank.set(blank);
+  words->clear();
+  std::size_t begin = 0;
+  for (std::size_t i = 0; i <= line.size(); ++i) {
+    if (i < line.size() && !is_blank[static_cast<unsigned char>(line[i])]) {
+      continue;
+    }
+    if (i > begin) words->push_back(line.substr(begin, i - begin));
+    begin = i + 1;
+  }
 }
 
 std::string Quoted(absl::string_view word) {

@@ -72,6 +72,11 @@ absl::StatusOr<std::int64_t> ParseHeaderCount(absl::string_view word,
 std::vector<absl::string_view> SplitWords(absl::string_view line,
                                           absl::string_view blanks = " \t\r\n");
 
+/// The same in place of what `words` has.
+void SplitWordsInto(std::vector<absl::string_view>* words,
+                    absl::string_view line,
+                    absl::string_view blanks = " \t\r\n");
+
 /// The word in quotes, cut short where it is long.
 std::string Quoted(absl::string_view word);
 

@@ -13,7 +13,7 @@ absl::string_view WordCursor::Take() {
 
 std::size_t WordCursor::LeftAhead() {
   while (next_ == words_.size() && lines_.Next()) {
-    words_ = SplitWords(lines_.line);
+    SplitWordsInto(&words_, lines_.line);
     next_ = 0;
   }
   return LeftOnLine();

@@ -35,15 +35,16 @@ bool EveryVertexIsOnAFace(const TriangleMesh& mesh) {
   return std::find(seen.begin(), seen.end(), false) == seen.end();
 }
 
-// Edgebreaker drops vertices on no face and faces that repeat a corner;
-// sequential keeps both but holds at most three vertices a face.
-VertexOrder ChooseOrder(const TriangleMesh& mesh) {
+// Edgebreaker, which is small, drops vertices on no face and faces that repeat
+// a corner; sequential, which can be fast, keeps both but holds at most three
+// vertices a face.
+VertexOrder ChooseOrder(const TriangleMesh& mesh, bool is_local) {
   const bool fits_sequential =
       mesh.num_vertices() <= 3 * std::int64_t{mesh.num_faces()};
-  const bool edgebreaker_loses_some =
-      HasRepeatedCorner(mesh.faces) || !EveryVertexIsOnAFace(mesh);
-  return edgebreaker_loses_some && fits_sequential ? VertexOrder::kDecoded
-                                                   : VertexOrder::kIdAttribute;
+  const bool wants_sequential =
+      is_local || HasRepeatedCorner(mesh.faces) || !EveryVertexIsOnAFace(mesh);
+  return wants_sequential && fits_sequential ? VertexOrder::kDecoded
+                                             : VertexOrder::kIdAttribute;
 }
 
 // Adds an attribute with one value a point and returns its id.
@@ -96,17 +97,18 @@ void AddFaces(const Faces& faces, draco::Mesh& mesh) {
 }
 
 absl::StatusOr<std::string> Compress(const draco::Mesh& mesh, VertexOrder order,
-                                     int position_id, int position_bits) {
+                                     int position_id,
+                                     const DracoOptions& options) {
   draco::ExpertEncoder encoder(mesh);
   encoder.SetSpeedOptions(kSpeed, kSpeed);
   if (order == VertexOrder::kIdAttribute) {
     encoder.SetEncodingMethod(draco::MESH_EDGEBREAKER_ENCODING);
   } else {
     encoder.SetEncodingMethod(draco::MESH_SEQUENTIAL_ENCODING);
-    encoder.options().SetGlobalBool("compress_connectivity", true);
+    encoder.options().SetGlobalBool("compress_connectivity", !options.is_local);
   }
-  if (position_bits > 0) {
-    encoder.SetAttributeQuantization(position_id, position_bits);
+  if (options.position_bits > 0) {
+    encoder.SetAttributeQuantization(position_id, options.position_bits);
   }
   draco::EncoderBuffer buffer;
   const draco::Status status = encoder.EncodeToBuffer(&buffer);
@@ -121,15 +123,14 @@ absl::StatusOr<std::string> Compress(const draco::Mesh& mesh, VertexOrder order,
 
 absl::StatusOr<EncodedMesh> EncodeDraco(const TriangleMesh& mesh,
                                         const DracoOptions& options) {
-  const VertexOrder order = ChooseOrder(mesh);
+  const VertexOrder order = ChooseOrder(mesh, options.is_local);
   draco::Mesh encoded;
   encoded.set_num_points(static_cast<std::uint32_t>(mesh.num_vertices()));
   const int position_id = AddPositions(mesh, encoded);
   if (order == VertexOrder::kIdAttribute) AddVertexIds(encoded);
   AddFaces(mesh.faces, encoded);
-  ISOMATCH_ASSIGN_OR_RETURN(
-      std::string bytes,
-      Compress(encoded, order, position_id, options.position_bits));
+  ISOMATCH_ASSIGN_OR_RETURN(std::string bytes,
+                            Compress(encoded, order, position_id, options));
   return EncodedMesh{std::move(bytes), order};
 }
 

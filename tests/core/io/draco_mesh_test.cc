@@ -49,8 +49,9 @@ Triples SortedFaces(const Faces& faces) {
 }
 
 // Encodes, decodes and expects every index, position and face back.
-VertexOrder ExpectRoundTrip(const TriangleMesh& mesh) {
-  const absl::StatusOr<EncodedMesh> encoded = EncodeDraco(mesh);
+VertexOrder ExpectRoundTripAs(const DracoOptions& options,
+                              const TriangleMesh& mesh) {
+  const absl::StatusOr<EncodedMesh> encoded = EncodeDraco(mesh, options);
   EXPECT_THAT(encoded, IsOk());
   if (!encoded.ok()) return VertexOrder::kDecoded;
   const absl::StatusOr<TriangleMesh> decoded =
@@ -60,6 +61,12 @@ VertexOrder ExpectRoundTrip(const TriangleMesh& mesh) {
   EXPECT_EQ(decoded->positions, AsEncoded(mesh).positions);
   EXPECT_EQ(InTheirOrder(decoded->faces), SortedFaces(mesh.faces));
   return encoded->vertex_order;
+}
+
+// The same however it is encoded; returns the order where it is compressed.
+VertexOrder ExpectRoundTrip(const TriangleMesh& mesh) {
+  EXPECT_EQ(ExpectRoundTripAs({.is_local = true}, mesh), VertexOrder::kDecoded);
+  return ExpectRoundTripAs({}, mesh);
 }
 
 TriangleMesh Shuffled(const TriangleMesh& mesh) {
@@ -164,15 +171,17 @@ TEST(DracoMeshTest, IsolatedVerticesAreKept) {
 
 TEST(DracoMeshTest, MoreIsolatedVerticesThanSequentialHoldsStillCount) {
   const TriangleMesh mesh = WithIsolatedVertices(Tetrahedron(), 100);
-  const absl::StatusOr<EncodedMesh> encoded = EncodeDraco(mesh);
-  ASSERT_THAT(encoded, IsOk());
-  const absl::StatusOr<TriangleMesh> decoded =
-      DecodeDraco(encoded->bytes, encoded->vertex_order, 104);
-  ASSERT_THAT(decoded, IsOk());
-  EXPECT_EQ(decoded->num_vertices(), 104);
-  EXPECT_EQ(decoded->positions.topRows(4),
-            AsEncoded(mesh).positions.topRows(4));
-  EXPECT_EQ(InTheirOrder(decoded->faces), SortedFaces(mesh.faces));
+  for (const bool is_local : {false, true}) {
+    const auto encoded = EncodeDraco(mesh, {.is_local = is_local});
+    ASSERT_THAT(encoded, IsOk());
+    const absl::StatusOr<TriangleMesh> decoded =
+        DecodeDraco(encoded->bytes, encoded->vertex_order, 104);
+    ASSERT_THAT(decoded, IsOk());
+    EXPECT_EQ(decoded->num_vertices(), 104);
+    EXPECT_EQ(decoded->positions.topRows(4),
+              AsEncoded(mesh).positions.topRows(4));
+    EXPECT_EQ(InTheirOrder(decoded->faces), SortedFaces(mesh.faces));
+  }
 }
 
 TEST(DracoMeshTest, FaceThatRepeatsACornerIsKept) {
@@ -271,12 +280,13 @@ TEST(DracoMeshTest, TakesNoMoreMemoryThanItReserves) {
   const TriangleMesh closed = FiveArms(6);
   const TriangleMesh isolated = WithIsolatedVertices(closed, 10);
   const TriangleMesh any = AnyFaces(30'000);
-  for (const auto& [mesh, vertex_count] :
-       {std::pair(&closed, closed.num_vertices()),
-        std::pair(&any, any.num_vertices()),
-        std::pair(&isolated, isolated.num_vertices()),
-        std::pair(&closed, 1'000'000)}) {
-    const absl::StatusOr<EncodedMesh> encoded = EncodeDraco(*mesh);
+  for (const auto& [mesh, vertex_count, is_local] :
+       {std::tuple(&closed, closed.num_vertices(), false),
+        std::tuple(&closed, closed.num_vertices(), true),
+        std::tuple(&any, any.num_vertices(), false),
+        std::tuple(&isolated, isolated.num_vertices(), false),
+        std::tuple(&closed, 1'000'000, false)}) {
+    const auto encoded = EncodeDraco(*mesh, {.is_local = is_local});
     ASSERT_THAT(encoded, IsOk());
     std::int64_t reserved = 0;
     DracoLimits limits;
