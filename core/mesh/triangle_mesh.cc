@@ -97,12 +97,13 @@ struct Farthest {
 
 Farthest FarthestFrom(const TriangleMesh& mesh,
                       const Eigen::RowVector3d& middle) {
+  const std::vector<bool> is_on_face = VerticesOnFaces(mesh);
   Farthest farthest;
-  for (Eigen::Index i = 0; i < mesh.faces.size(); ++i) {
-    const VertexIndex v = mesh.faces.data()[i];
-    const double distance = (mesh.positions.row(v) - middle).norm();
-    if (distance <= farthest.distance) continue;  // infinite ones are farthest
-    farthest = {v, distance};
+  double most = 0;  // squared
+  for (VertexIndex v = 0; v < mesh.num_vertices(); ++v) {
+    const double squared = (mesh.positions.row(v) - middle).squaredNorm();
+    if (squared <= most || !is_on_face[v]) continue;  // infinite is farthest
+    farthest = {v, std::sqrt(most = squared)};
   }
   return farthest;
 }
