@@ -8,11 +8,11 @@
 #include <utility>
 
 #include "absl/types/span.h"
-#include "core/base/lanes.h"
 #include "core/base/parallel.h"
 #include "core/base/status_macros.h"
 #include "core/matching/near_points.h"
 #include "core/matching/orientation.h"
+#include "core/matching/witnesses.h"
 
 namespace isomatch {
 namespace {
@@ -131,11 +131,6 @@ class Growth {
     int count = 0;
   };
 
-  struct PlaceFound {
-    int y = -1;
-    float cost = kNever;
-  };
-
   bool matched(int x) const { return y_of_x_[x] >= 0; }
 
   void Place(int x, int y, float cost) {
@@ -222,21 +217,6 @@ class Growth {
     return neighbors;
   }
 
-  /// A matched point, as it tells where another one belongs.
-  struct Witness {
-    int y;                     ///< its own place
-    const float* distances_y;  ///< from there
-    float distance;            ///< on X
-    float inverse_tolerance;
-    float weight;
-
-    /// Of places.
-    Lanes Costs(const int* places) const {
-      const Lanes off = AbsLanes(GatherLanes(distances_y, places) - distance);
-      return weight * MinLanes(AllLanes(1), off * inverse_tolerance);
-    }
-  };
-
   Witness WitnessOf(int x, int other, Tolerance tolerance, float weight) const {
     const float distance = ground_.DistanceX(x, other);
     const int y = y_of_x_[other];
@@ -268,7 +248,6 @@ class Growth {
   /// The point of Y at the right distances that looks most alike; none where
   /// all cost too much.
   PlaceFound BestPlace(int x, absl::Span<const Witness> witnesses) const {
-    PlaceFound best = {-1, kMostCost};
     const Witness& nearest = witnesses.front();
     const float tolerance = kPossible.Of(nearest.distance);
     const auto& [distances, points] = ground_.near_y[nearest.y];
@@ -276,23 +255,10 @@ class Growth {
                                         nearest.distance - tolerance);
     const auto last =
         std::upper_bound(first, distances.end(), nearest.distance + tolerance);
-    const std::int64_t end = last - distances.begin();
-    for (std::int64_t i = first - distances.begin(); i < end; i += kLanes) {
-      const std::int64_t count = std::min<std::int64_t>(kLanes, end - i);
-      std::array<int, kLanes> ys;
-      ys.fill(points[i]);
-      std::copy_n(points.begin() + i, count, ys.begin());
-      Lanes costs =
-          kUnlikeness * GatherLanes(&ground_.differences(0, x), ys.data());
-      for (const Witness& witness : witnesses) {
-        if (!AnyLane(costs < AllLanes(best.cost))) break;
-        costs += witness.Costs(ys.data());
-      }
-      for (std::int64_t k = 0; k < count; ++k) {
-        if (costs[k] < best.cost) best = {ys[k], costs[k]};
-      }
-    }
-    return best;
+    const absl::Span<const int> places =
+        absl::MakeSpan(points).subspan(first - distances.begin(), last - first);
+    return CheapestPlace(places, &ground_.differences(0, x), kUnlikeness,
+                         witnesses, kMostCost);
   }
 
   /// Whether y lies on the other side of its neighbors' images than x of them.
