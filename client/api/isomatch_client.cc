@@ -121,10 +121,10 @@ absl::Status OutcomeOf(const v1::Job& job) {
 
 IsomatchClient::IsomatchClient(const std::shared_ptr<grpc::Channel>& channel,
                                absl::Duration patience,
-                               const DracoOptions& draco)
+                               bool is_local)
     : stub_(v1::CorrespondenceService::NewStub(channel)),
       patience_(patience),
-      draco_(draco) {}
+      draco_{.is_local = is_local} {}
 
 absl::StatusOr<v1::GetServerInfoResponse> IsomatchClient::GetServerInfo(
     const std::stop_token& stop) {

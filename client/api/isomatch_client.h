@@ -80,10 +80,10 @@ class IsomatchClient {
  public:
   static constexpr absl::Duration kPatience = absl::Seconds(10);
 
-  /// `draco` is how meshes are encoded; is_local for a server in this process.
+  /// `is_local`: the server is on this machine, so meshes are not compressed.
   explicit IsomatchClient(const std::shared_ptr<grpc::Channel>& channel,
                           absl::Duration patience = kPatience,
-                          const DracoOptions& draco = {});
+                          bool is_local = false);
 
   /// UNAVAILABLE after about three seconds without an answer, or a longer
   /// `patience`.
@@ -92,8 +92,7 @@ class IsomatchClient {
 
   /// Creates a job, waits for its end and returns its result:
   ///
-  ///   1. both meshes are encoded with Draco, losslessly in single precision
-  ///      unless DracoOptions say otherwise;
+  ///   1. both meshes are encoded with Draco, losslessly in single precision;
   ///   2. they travel inside CreateJob if both fit one request, else those that
   ///      the server lacks are uploaded first and named by their SHA-256;
   ///   3. CreateJob carries a fresh request_id, so that sending it again after

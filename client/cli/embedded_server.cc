@@ -14,6 +14,10 @@ namespace {
 /// could keep them instead.
 constexpr std::int64_t kPreparedBytes = std::int64_t{1} << 30;
 
+/// Bytes of meshes and results that each worker has room for at least: those of
+/// two pairs of a million vertices.
+constexpr std::int64_t kBlobBytesPerWorker = std::int64_t{128} << 20;
+
 }  // namespace
 
 std::uint32_t ThreadsHere(std::uint32_t threads) {
@@ -26,6 +30,8 @@ absl::StatusOr<std::unique_ptr<Server>> StartEmbeddedServer(
   config.listen.clear();
   config.max_run_time = absl::ZeroDuration();  // it is its user's own machine
   config.prepared_cache_bytes = kPreparedBytes;
+  config.blob_store_bytes =
+      std::max(config.blob_store_bytes, workers * kBlobBytesPerWorker);
   config.workers = workers;
   config.threads_per_job = static_cast<int>(ThreadsHere(threads));
   return Server::Create(config);
@@ -33,7 +39,7 @@ absl::StatusOr<std::unique_ptr<Server>> StartEmbeddedServer(
 
 IsomatchClient ClientOf(Server* server) {
   return IsomatchClient(server->InProcessChannel(), IsomatchClient::kPatience,
-                        {.is_local = true});
+                        /*is_local=*/true);
 }
 
 }  // namespace isomatch

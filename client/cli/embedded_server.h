@@ -19,7 +19,7 @@ std::uint32_t ThreadsHere(std::uint32_t threads);
 absl::StatusOr<std::unique_ptr<Server>> StartEmbeddedServer(
     int workers = 1, std::uint32_t threads = 0);
 
-/// A client of such a server, which must outlive it.
+/// A client of such a server. The server must outlive it.
 IsomatchClient ClientOf(Server* server);
 
 }  // namespace isomatch

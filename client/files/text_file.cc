@@ -106,15 +106,19 @@ absl::Status CheckInputFile(const std::string& path, const std::string& what) {
 absl::StatusOr<std::string> ReadFile(const std::string& path,
                                      const std::string& what) {
   ISOMATCH_RETURN_IF_ERROR(CheckInputFile(path, what));
-  std::error_code error;
-  const std::uintmax_t size = fs::file_size(path, error);
-  std::string bytes;
   const int file = open(path.c_str(), O_RDONLY | O_CLOEXEC);
-  const bool is_read = !error && file >= 0 && ReadUpTo(size, file, &bytes) == 0;
+  struct stat about = {};
+  std::string bytes;
+  // One byte more would tell that it has grown meanwhile.
+  const auto most = [&] { return static_cast<std::size_t>(about.st_size) + 1; };
+  const bool is_read = file >= 0 && fstat(file, &about) == 0 &&
+                       ReadUpTo(most(), file, &bytes) == 0;
   if (file >= 0) close(file);
-  if (is_read) return bytes;
-  return absl::InvalidArgumentError(
-      absl::StrCat(InQuotes(path), ": cannot be read to its end"));
+  if (is_read && bytes.size() + 1 == most()) return bytes;
+  return absl::InvalidArgumentError(absl::StrCat(
+      InQuotes(path),
+      is_read ? ": it changed while it was read, expected a file at rest"
+              : ": cannot be read to its end"));
 }
 
 absl::Status CheckOutputFile(const std::string& path) {

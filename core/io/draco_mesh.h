@@ -66,8 +66,9 @@ struct DracoOptions {
   /// Bits of quantization of each coordinate, 8 to 30; 0 keeps every bit of
   /// the single-precision coordinates.
   int position_bits = 0;
-  /// Where the bytes stay on the machine: nothing is compressed, which takes a
-  /// tenth of the time to encode, a third to decode, and twice the bytes.
+  /// Where the bytes stay on the machine: not compressed (but where vertices
+  /// are more than three a face), which takes a tenth of the time to encode, a
+  /// third to decode, and twice the bytes.
   bool is_local = false;
 };
 
