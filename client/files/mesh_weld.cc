@@ -5,7 +5,6 @@
 #include <cmath>
 #include <cstddef>
 #include <limits>
-#include <numeric>
 #include <vector>
 
 #include "absl/container/flat_hash_map.h"
@@ -15,6 +14,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/strip.h"
 #include "core/base/status_macros.h"
+#include "core/mesh/disjoint_sets.h"
 #include "core/mesh/mesh_geometry.h"
 #include "core/mesh/topology.h"
 
@@ -93,56 +93,17 @@ class VertexGrid {
   absl::flat_hash_map<Cell, absl::InlinedVector<VertexIndex, 2>> cells_;
 };
 
-// Which vertices hang together.
-class VertexSets {
- public:
-  explicit VertexSets(VertexIndex vertices)
-      : parent_(static_cast<std::size_t>(vertices)) {
-    std::iota(parent_.begin(), parent_.end(), 0);
-  }
-
-  VertexIndex Find(VertexIndex v) {
-    while (parent_[static_cast<std::size_t>(v)] != v) {
-      VertexIndex& parent = parent_[static_cast<std::size_t>(v)];
-      parent = parent_[static_cast<std::size_t>(parent)];
-      v = parent;
-    }
-    return v;
-  }
-
-  void Join(VertexIndex a, VertexIndex b) {
-    const auto [low, high] = std::minmax({Find(a), Find(b)});
-    parent_[static_cast<std::size_t>(high)] = low;
-  }
-
- private:
-  VertexMap parent_;
-};
-
-std::vector<bool> InsideTheSurface(const TriangleMesh& mesh) {
-  const EdgeFaces edges(mesh.faces);
-  std::vector<bool> inside(static_cast<std::size_t>(mesh.num_vertices()), true);
-  for (VertexIndex f = 0; f < mesh.num_faces(); ++f) {
-    for (int corner = 0; corner < 3; ++corner) {
-      if (edges.Opposite(f, corner).face != kNoVertex) continue;
-      inside[static_cast<std::size_t>(mesh.faces(f, corner))] = false;
-      inside[static_cast<std::size_t>(mesh.faces(f, (corner + 1) % 3))] = false;
-    }
-  }
-  return inside;
-}
-
 // Drops faces two of whose corners have one position now, unless both are on a
 // rim, where cleaning joins them. Without such a face its corners are on one.
 void DropCollapsed(TriangleMesh* mesh) {
-  const std::vector<bool> inside = InsideTheSurface(*mesh);
+  const std::vector<char> is_on_rim =
+      RimVertices(*mesh, EdgeFaces(mesh->faces), /*nonmanifold=*/true);
   const auto collapses = [&](VertexIndex f) {
     for (int corner = 0; corner < 3; ++corner) {
       const VertexIndex a = mesh->faces(f, corner);
       const VertexIndex b = mesh->faces(f, (corner + 1) % 3);
       if (a != b && mesh->positions.row(a) == mesh->positions.row(b) &&
-          (inside[static_cast<std::size_t>(a)] ||
-           inside[static_cast<std::size_t>(b)])) {
+          !(is_on_rim[a] && is_on_rim[b])) {
         return true;
       }
     }
@@ -294,7 +255,7 @@ std::string WeldAdvice::Text() const {
 
 std::optional<WeldAdvice> AdviseWeld(const TriangleMesh& mesh) {
   const VertexIndex vertices = mesh.num_vertices();
-  VertexSets sets(vertices);
+  DisjointSets sets(vertices);
   std::vector<bool> is_on_face(static_cast<std::size_t>(vertices));
   for (VertexIndex f = 0; f < mesh.num_faces(); ++f) {
     for (int i = 0; i < 3; ++i) {

@@ -33,7 +33,10 @@ PointColumns Describe(const Positions& positions, const Positions& normals,
 /// Edges of one face alone, by face and corner.
 class Rim {
  public:
-  explicit Rim(const Faces& faces) : faces_(faces), edges_(faces) {}
+  explicit Rim(const TriangleMesh& mesh)
+      : faces_(mesh.faces),
+        edges_(mesh.faces),
+        at_rim_(RimVertices(mesh, edges_)) {}
 
   /// Whether the point lies on one.
   bool Holds(const SurfacePoint& point) const {
@@ -50,22 +53,11 @@ class Rim {
            at_rim_[faces_(point.face, corner)];
   }
 
-  void MarkVertices(VertexIndex num_vertices) {
-    at_rim_.assign(num_vertices, false);
-    for (VertexIndex f = 0; f < faces_.rows(); ++f) {
-      for (int corner = 0; corner < 3; ++corner) {
-        if (!edges_.IsBoundary(f, corner)) continue;
-        at_rim_[faces_(f, corner)] = true;
-        at_rim_[faces_(f, (corner + 1) % 3)] = true;
-      }
-    }
-  }
-
  private:
   static constexpr double kOnEdge = 1e-6;
   const Faces& faces_;
   const EdgeFaces edges_;
-  std::vector<char> at_rim_;
+  const std::vector<char> at_rim_;
 };
 
 /// Where vertices are that must not be found, in any unit of the area.
@@ -118,8 +110,7 @@ absl::StatusOr<InverseMap> InvertMap(const LaidSurface& laid,
       const VertexMap nearest,
       NearestOnSurface({ground.stars, ground.areas, columns_ground},
                        {stars, laid.areas, columns_laid}, stop));
-  Rim rim(placed.faces);
-  rim.MarkVertices(placed.num_vertices());
+  const Rim rim(placed);
   const double edge =
       std::max(MeanEdgeLength(laid.mesh), MeanEdgeLength(ground.mesh));
   ISOMATCH_RETURN_IF_ERROR(ParallelForVertices(n, stop, [&](VertexIndex v) {

@@ -16,12 +16,6 @@
 
 namespace isomatch {
 
-/// Vertices of Y and their weights; kNoVertex for no place.
-struct FoundPlace {
-  std::array<VertexIndex, 3> vertices = {kNoVertex, kNoVertex, kNoVertex};
-  std::array<double, 3> weights = {0, 0, 0};
-};
-
 namespace {
 
 /// Extremities among which the diameter is sought.
@@ -56,28 +50,6 @@ double Diameter(const DistanceFieldSolver& solver) {
   return diameter;
 }
 
-}  // namespace
-
-struct GeodesicErrorMeter::State {
-  explicit State(const TriangleMesh& mesh)
-      : clean(Clean(mesh)), solver(clean.mesh) {}
-
-  CleanMesh clean;
-  DistanceFieldSolver solver;
-};
-
-GeodesicErrorMeter::GeodesicErrorMeter(const TriangleMesh& mesh_y)
-    : state_(std::make_unique<State>(mesh_y)),
-      diameter_(Diameter(state_->solver)),
-      sqrt_area_(std::sqrt(SurfaceArea(state_->clean.mesh))) {}
-
-GeodesicErrorMeter::~GeodesicErrorMeter() = default;
-GeodesicErrorMeter::GeodesicErrorMeter(GeodesicErrorMeter&&) noexcept = default;
-GeodesicErrorMeter& GeodesicErrorMeter::operator=(
-    GeodesicErrorMeter&&) noexcept = default;
-
-namespace {
-
 /// Clean vertex of `y`, or an error that names `what` and the entry.
 absl::StatusOr<VertexIndex> CleanVertex(const CleanMesh& clean,
                                         const char* what, std::size_t x,
@@ -95,7 +67,7 @@ absl::StatusOr<VertexIndex> CleanVertex(const CleanMesh& clean,
 }
 
 absl::StatusOr<Target> CleanTarget(const CleanMesh& clean, std::size_t x,
-                                   const FoundPlace& point) {
+                                   const PrecisePoint& point) {
   Target target;
   for (std::size_t i = 0; i < 3; ++i) {
     if (!(point.weights[i] > 0)) continue;
@@ -165,7 +137,7 @@ void Solve(const DistanceFieldSolver& solver, const TriangleMesh& mesh,
 
 /// Groups the comparisons by true vertex, so that one front serves them all.
 absl::StatusOr<std::vector<Query>> Queries(const CleanMesh& clean,
-                                           absl::Span<const FoundPlace> found,
+                                           absl::Span<const PrecisePoint> found,
                                            absl::Span<const VertexIndex> truth,
                                            GeodesicError* error) {
   if (found.size() != truth.size()) {
@@ -204,10 +176,16 @@ absl::StatusOr<std::vector<Query>> Queries(const CleanMesh& clean,
 
 }  // namespace
 
+GeodesicErrorMeter::GeodesicErrorMeter(const TriangleMesh& mesh_y)
+    : clean_(Clean(mesh_y)),
+      solver_(clean_.mesh),
+      diameter_(Diameter(solver_)),
+      sqrt_area_(std::sqrt(SurfaceArea(clean_.mesh))) {}
+
 absl::StatusOr<GeodesicError> GeodesicErrorMeter::Measure(
     absl::Span<const VertexIndex> found, absl::Span<const VertexIndex> truth,
     const std::stop_token& stop) const {
-  std::vector<FoundPlace> places(found.size());
+  std::vector<PrecisePoint> places(found.size());
   for (std::size_t x = 0; x < found.size(); ++x) {
     places[x] = {{found[x], kNoVertex, kNoVertex}, {1, 0, 0}};
   }
@@ -217,7 +195,7 @@ absl::StatusOr<GeodesicError> GeodesicErrorMeter::Measure(
 absl::StatusOr<GeodesicError> GeodesicErrorMeter::Measure(
     const Faces& faces_y, absl::Span<const SurfacePoint> found,
     absl::Span<const VertexIndex> truth, const std::stop_token& stop) const {
-  std::vector<FoundPlace> places(found.size());
+  std::vector<PrecisePoint> places(found.size());
   for (std::size_t x = 0; x < found.size(); ++x) {
     if (found[x].face == kNoVertex) continue;
     for (int i = 0; i < 3; ++i) {
@@ -229,13 +207,13 @@ absl::StatusOr<GeodesicError> GeodesicErrorMeter::Measure(
 }
 
 absl::StatusOr<GeodesicError> GeodesicErrorMeter::MeasurePlaces(
-    absl::Span<const FoundPlace> found, absl::Span<const VertexIndex> truth,
+    absl::Span<const PrecisePoint> found, absl::Span<const VertexIndex> truth,
     const std::stop_token& stop) const {
   GeodesicError error;
   error.diameter = diameter_;
   error.sqrt_area = sqrt_area_;
   ISOMATCH_ASSIGN_OR_RETURN(std::vector<Query> queries,
-                            Queries(state_->clean, found, truth, &error));
+                            Queries(clean_, found, truth, &error));
   constexpr std::int64_t kPerTask = 64;
   const auto count = static_cast<std::int64_t>(queries.size());
   const std::int64_t tasks = (count + kPerTask - 1) / kPerTask;
@@ -243,7 +221,7 @@ absl::StatusOr<GeodesicError> GeodesicErrorMeter::MeasurePlaces(
     DistanceFieldSolver::Workspace workspace;
     const std::int64_t end = std::min(count, (task + 1) * kPerTask);
     for (std::int64_t i = task * kPerTask; i < end; ++i) {
-      Solve(state_->solver, state_->clean.mesh, &workspace, &queries[i]);
+      Solve(solver_, clean_.mesh, &workspace, &queries[i]);
     }
   }));
   double sum = 0;

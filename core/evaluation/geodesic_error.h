@@ -1,13 +1,15 @@
 #pragma once
 
 #include <array>
-#include <memory>
 #include <stop_token>
 #include <vector>
 
 #include "absl/status/statusor.h"
 #include "absl/types/span.h"
 #include "core/base/vertex_index.h"
+#include "core/geodesic/distance_field_solver.h"
+#include "core/mesh/clean_mesh.h"
+#include "core/mesh/precise_point.h"
 #include "core/mesh/surface_point.h"
 #include "core/mesh/triangle_mesh.h"
 
@@ -39,8 +41,6 @@ struct GeodesicError {
   double sqrt_area = 0;
 };
 
-struct FoundPlace;
-
 /// Measures maps into one mesh Y.
 ///
 /// The diameter is the largest distance found from 32 farthest points: a lower
@@ -50,9 +50,6 @@ class GeodesicErrorMeter {
  public:
   /// REQUIRES: ValidateMesh(mesh_y).
   explicit GeodesicErrorMeter(const TriangleMesh& mesh_y);
-  ~GeodesicErrorMeter();
-  GeodesicErrorMeter(GeodesicErrorMeter&&) noexcept;
-  GeodesicErrorMeter& operator=(GeodesicErrorMeter&&) noexcept;
 
   double diameter() const { return diameter_; }
   double sqrt_area() const { return sqrt_area_; }
@@ -78,14 +75,14 @@ class GeodesicErrorMeter {
                                         const std::stop_token& stop = {}) const;
 
  private:
-  struct State;
   absl::StatusOr<GeodesicError> MeasurePlaces(
-      absl::Span<const FoundPlace> found, absl::Span<const VertexIndex> truth,
+      absl::Span<const PrecisePoint> found, absl::Span<const VertexIndex> truth,
       const std::stop_token& stop) const;
 
-  std::unique_ptr<State> state_;
-  double diameter_ = 0;
-  double sqrt_area_ = 0;
+  const CleanMesh clean_;
+  const DistanceFieldSolver solver_;
+  const double diameter_;
+  const double sqrt_area_;
 };
 
 }  // namespace isomatch

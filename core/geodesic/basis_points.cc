@@ -133,23 +133,19 @@ float BasisPoints::MeanDistance(int z) const {
   return static_cast<float>(sum / std::max<VertexIndex>(reached, 1));
 }
 
-Environments::Environments(const BasisPoints& basis,
-                           absl::Span<const VertexIndex> vertices)
-    : first_(basis.num_points() + 1, 0) {
-  std::vector<std::vector<int>> nearest(vertices.size());
-  for (std::size_t i = 0; i < vertices.size(); ++i) {
-    nearest[i] =
-        basis.Nearest(vertices[i], BasisPoints::kEnvironmentsPerVertex);
-    for (const int z : nearest[i]) ++first_[z + 1];
+Environments EnvironmentsOf(const BasisPoints& basis,
+                            absl::Span<const VertexIndex> vertices) {
+  const int each =
+      std::min(BasisPoints::kEnvironmentsPerVertex, basis.num_points());
+  std::vector<int> nearest;
+  nearest.reserve(each * vertices.size());
+  for (const VertexIndex v : vertices) {
+    const std::vector<int> of_vertex = basis.Nearest(v, each);
+    nearest.insert(nearest.end(), of_vertex.begin(), of_vertex.end());
   }
-  std::partial_sum(first_.begin(), first_.end(), first_.begin());
-  members_.resize(first_.back());
-  std::vector<std::int64_t> next(first_.begin(), first_.end() - 1);
-  for (std::size_t i = 0; i < vertices.size(); ++i) {
-    for (const int z : nearest[i]) {
-      members_[next[z]++] = static_cast<std::int32_t>(i);
-    }
-  }
+  return {std::ssize(nearest), basis.num_points(),
+          [&](std::int64_t i) { return nearest[i]; },
+          [&](std::int64_t i) { return static_cast<std::int32_t>(i / each); }};
 }
 
 }  // namespace isomatch

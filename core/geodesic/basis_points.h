@@ -7,6 +7,7 @@
 
 #include "absl/status/statusor.h"
 #include "absl/types/span.h"
+#include "core/base/sorted_buckets.h"
 #include "core/base/vertex_index.h"
 #include "core/geodesic/distance_field_solver.h"
 #include "core/geodesic/field_sweeps.h"
@@ -77,20 +78,9 @@ class BasisPoints {
 /// The environment of each basis point: the vertices among whose three nearest
 /// basis points it is (paper, Section 3.1, Figure 2). Each vertex is in exactly
 /// min(3, |Z|) environments.
-class Environments {
- public:
-  /// Over `vertices` only; members are positions in that list.
-  Environments(const BasisPoints& basis,
-               absl::Span<const VertexIndex> vertices);
-
-  absl::Span<const std::int32_t> Members(int basis_point) const {
-    return absl::MakeConstSpan(members_).subspan(
-        first_[basis_point], first_[basis_point + 1] - first_[basis_point]);
-  }
-
- private:
-  std::vector<std::int64_t> first_;
-  std::vector<std::int32_t> members_;
-};
+/// Over `vertices` only; members are positions in that list, ascending.
+using Environments = SortedBuckets<std::int32_t>;
+Environments EnvironmentsOf(const BasisPoints& basis,
+                            absl::Span<const VertexIndex> vertices);
 
 }  // namespace isomatch

@@ -7,15 +7,7 @@ namespace isomatch {
 
 std::vector<float> RimDistances(const TriangleMesh& mesh,
                                 const DistanceFieldSolver& solver) {
-  const EdgeFaces edges(mesh.faces);
-  std::vector<char> is_on_rim(mesh.num_vertices(), false);
-  for (VertexIndex f = 0; f < mesh.num_faces(); ++f) {
-    for (int corner = 0; corner < 3; ++corner) {
-      if (!edges.IsBoundary(f, corner)) continue;
-      is_on_rim[mesh.faces(f, corner)] = true;
-      is_on_rim[mesh.faces(f, (corner + 1) % 3)] = true;
-    }
-  }
+  const std::vector<char> is_on_rim = RimVertices(mesh, EdgeFaces(mesh.faces));
   std::vector<float> distances(mesh.num_vertices(), kUnreachable);
   DistanceFieldSolver::Workspace workspace;
   for (VertexIndex v = 0; v < mesh.num_vertices(); ++v) {

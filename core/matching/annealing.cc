@@ -55,12 +55,12 @@ bool IsAccepted(double x, double drawn) {
 
 }  // namespace
 
-SwapCounts SwapPhase(const SwapOptions& options, double temperature,
-                     RandomStream* random, Matching* matching) {
-  SwapCounts counts;
-  if (matching->size() < 2) return counts;
+int SwapPhase(const SwapOptions& options, double temperature,
+              RandomStream* random, Matching* matching) {
+  if (matching->size() < 2) return 0;
+  int accepted = 0;
   if (options.neighbors > 0) matching->ListNearestOnX(options.neighbors);
-  for (; counts.proposed < options.proposals; ++counts.proposed) {
+  for (int proposed = 0; proposed < options.proposals; ++proposed) {
     const int i = random->Below(matching->size());
     const int j = DrawPartner(*matching, options.neighbors, i, random);
     if (std::min(i, j) < matching->pinned()) continue;
@@ -70,9 +70,9 @@ SwapCounts SwapPhase(const SwapOptions& options, double temperature,
       if (!IsAccepted(change / temperature, random->Unit())) continue;
     }
     matching->Swap(i, j);
-    ++counts.accepted;
+    ++accepted;
   }
-  return counts;
+  return accepted;
 }
 
 int RelocationSweep(int neighbors, Matching* matching) {

@@ -13,19 +13,14 @@ struct SwapOptions {
   int neighbors = 0;
 };
 
-/// Counts of one phase.
-struct SwapCounts {
-  int proposed = 0;
-  int accepted = 0;
-};
-
 /// One phase of simulated annealing (paper, Section 3.4): proposes
 /// transpositions of the images of two matches and accepts each that lowers
 /// the energy, and one that raises it by dE with probability exp(-dE /
 /// temperature) (Eq. 3 with k = 1). At temperature 0 the energy never rises.
-/// Proposals that touch a pinned match are refused.
-SwapCounts SwapPhase(const SwapOptions& options, double temperature,
-                     RandomStream* random, Matching* matching);
+/// Proposals that touch a pinned match are refused. Returns how many were
+/// accepted.
+int SwapPhase(const SwapOptions& options, double temperature,
+              RandomStream* random, Matching* matching);
 
 /// One sweep over all matches that are not pinned: each moves its image to the
 /// best of the `neighbors` nearest unmatched points of Y if that lowers the

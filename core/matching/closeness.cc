@@ -7,6 +7,7 @@
 #include "core/base/lanes.h"
 #include "core/base/parallel.h"
 #include "core/base/status_macros.h"
+#include "core/matching/nearest_list.h"
 
 namespace isomatch {
 namespace {
@@ -87,29 +88,15 @@ int LeastOf(absl::Span<const float> values) {
 
 std::vector<int> ClosestOf(const float* closeness, int size, int self,
                            int count) {
-  // Kept sorted: most entries are beaten by the last of a few and go no
-  // further. Equal ones stay in order of index, as they come in it.
-  std::vector<int> closest;
-  std::vector<float> values;
-  closest.reserve(std::max(count, 0));
-  values.reserve(std::max(count, 0));
-  for (int i = 0; i < size && count > 0; ++i) {
-    const float value = closeness[i];
-    if (i == self) continue;
-    if (static_cast<int>(values.size()) < count) {
-      values.push_back(value);
-      closest.push_back(i);
-    } else if (!(value > values.back())) {
-      continue;
-    }
-    std::size_t at = values.size() - 1;
-    for (; at > 0 && values[at - 1] < value; --at) {
-      values[at] = values[at - 1];
-      closest[at] = closest[at - 1];
-    }
-    values[at] = value;
-    closest[at] = i;
+  if (count <= 0) return {};
+  std::vector<int> closest(count);
+  std::vector<float> values(count);
+  const NearestList list = {closest.data(), values.data(), closest.size()};
+  std::size_t offered = 0;
+  for (int i = 0; i < size; ++i) {
+    if (i != self) list.Offer(offered++, i, closeness[i]);
   }
+  closest.resize(std::min(offered, closest.size()));
   return closest;
 }
 

@@ -26,11 +26,11 @@ CandidateSearch::CandidateSearch(const BasisPoints& basis,
                                  const PointPool& pool) {
   std::vector<int> point_of_vertex(basis.num_vertices(), -1);
   for (int p = 0; p < pool.size(); ++p) point_of_vertex[pool.vertex(p)] = p;
-  const Environments environments(basis, pool.vertices());
+  const Environments environments = EnvironmentsOf(basis, pool.vertices());
   for (int z = 0; z < basis.num_points(); ++z) {
     const int point = point_of_vertex[basis.points()[z]];
     if (point < 0) continue;  // a pool smaller than the basis
-    const auto members = environments.Members(z);
+    const auto members = environments[z];
     basis_points_.push_back(point);
     environments_.emplace_back(members.begin(), members.end());
   }

@@ -170,7 +170,7 @@ std::vector<VertexIndex> MergedEnvironment(const HashedShape& shape,
                                            VertexIndex v, int count) {
   std::vector<VertexIndex> merged;
   for (const int z : shape.closeness.basis().Nearest(v, count)) {
-    const auto members = shape.environments.Members(z);
+    const auto members = shape.environments[z];
     merged.insert(merged.end(), members.begin(), members.end());
   }
   std::sort(merged.begin(), merged.end());

@@ -17,26 +17,13 @@
 namespace isomatch {
 namespace {
 
-/// Vertices at the rim of some face's neighborhood: those that may be one end
-/// of a seam.
-std::vector<char> OnBoundary(const TriangleMesh& mesh, const EdgeFaces& edges) {
-  std::vector<char> on_boundary(mesh.num_vertices(), false);
-  for (VertexIndex f = 0; f < mesh.num_faces(); ++f) {
-    for (int corner = 0; corner < 3; ++corner) {
-      if (edges.Opposite(f, corner).face != kNoVertex) continue;
-      on_boundary[mesh.faces(f, corner)] = true;
-      on_boundary[mesh.faces(f, (corner + 1) % 3)] = true;
-    }
-  }
-  return on_boundary;
-}
-
 /// For each vertex the smallest vertex that is the same point: of the same
 /// coordinates, both on a boundary. Where closed surfaces merely touch, as
 /// fingers do, they stay apart.
 VertexMap WeldSeams(const TriangleMesh& mesh, const EdgeFaces& edges) {
   const Positions& positions = mesh.positions;
-  const std::vector<char> on_boundary = OnBoundary(mesh, edges);
+  const std::vector<char> on_boundary =
+      RimVertices(mesh, edges, /*nonmanifold=*/true);
   VertexMap welded(positions.rows());
   std::iota(welded.begin(), welded.end(), 0);
   VertexMap order;

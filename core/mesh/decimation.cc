@@ -161,8 +161,4 @@ absl::StatusOr<CoarseMesh> Decimate(const TriangleMesh& mesh,
   return coarse;
 }
 
-CoarseMesh Decimate(const TriangleMesh& mesh, VertexIndex target) {
-  return *Decimate(mesh, target, {});
-}
-
 }  // namespace isomatch

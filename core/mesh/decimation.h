@@ -30,7 +30,4 @@ struct CoarseMesh {
 absl::StatusOr<CoarseMesh> Decimate(const TriangleMesh& mesh,
                                     VertexIndex target,
                                     const std::stop_token& stop);
-/// The same, never cancelled.
-CoarseMesh Decimate(const TriangleMesh& mesh, VertexIndex target);
-
 }  // namespace isomatch

@@ -6,6 +6,7 @@
 
 #include "absl/types/span.h"
 #include "core/base/sorted_buckets.h"
+#include "core/mesh/disjoint_sets.h"
 #include "core/mesh/mesh_geometry.h"
 #include "core/mesh/vertex_stars.h"
 
@@ -44,25 +45,6 @@ void ForEachEdge(const Faces& faces, const Visit& visit) {
   }
 }
 
-/// Disjoint sets over 0..n-1; the root is the smallest member.
-class DisjointSets {
- public:
-  explicit DisjointSets(VertexIndex n) : parent_(n) {
-    std::iota(parent_.begin(), parent_.end(), 0);
-  }
-  VertexIndex Find(VertexIndex v) {
-    while (parent_[v] != v) v = parent_[v] = parent_[parent_[v]];
-    return v;
-  }
-  void Join(VertexIndex a, VertexIndex b) {
-    const auto [low, high] = std::minmax({Find(a), Find(b)});
-    parent_[high] = low;
-  }
-
- private:
-  std::vector<VertexIndex> parent_;
-};
-
 }  // namespace
 
 EdgeFaces::EdgeFaces(const Faces& faces)
@@ -80,6 +62,22 @@ EdgeFaces::EdgeFaces(const Faces& faces)
     ++nonmanifold_edges_;
     for (const KeyedSide& side : sides) opposite_[side.side] = kNonManifold;
   });
+}
+
+std::vector<char> RimVertices(const TriangleMesh& mesh, const EdgeFaces& edges,
+                              bool nonmanifold) {
+  std::vector<char> is_on_rim(mesh.num_vertices(), false);
+  for (VertexIndex f = 0; f < mesh.num_faces(); ++f) {
+    for (int corner = 0; corner < 3; ++corner) {
+      if (nonmanifold ? edges.Opposite(f, corner).face != kNoVertex
+                      : !edges.IsBoundary(f, corner)) {
+        continue;
+      }
+      is_on_rim[mesh.faces(f, corner)] = true;
+      is_on_rim[mesh.faces(f, (corner + 1) % 3)] = true;
+    }
+  }
+  return is_on_rim;
 }
 
 Components ConnectedComponents(const TriangleMesh& mesh) {

@@ -49,6 +49,11 @@ class EdgeFaces {
   int nonmanifold_edges_ = 0;
 };
 
+/// 1 for the vertices at edges of one face, and of three or more where
+/// `nonmanifold`, else 0.
+std::vector<char> RimVertices(const TriangleMesh& mesh, const EdgeFaces& edges,
+                              bool nonmanifold = false);
+
 /// Number of connected components (over shared vertices) and the component of
 /// each vertex, numbered by smallest vertex.
 struct Components {

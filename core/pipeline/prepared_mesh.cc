@@ -354,7 +354,7 @@ absl::StatusOr<GeodesicHash> HashGeodesics(
 Environments AllEnvironments(const BasisPoints& basis) {
   std::vector<VertexIndex> all(basis.num_vertices());
   std::iota(all.begin(), all.end(), 0);
-  return {basis, all};
+  return EnvironmentsOf(basis, all);
 }
 
 std::vector<VertexIndex> PoolVertices(const GeodesicHash& hash, int pool_size,

@@ -52,75 +52,40 @@ const Buckets& RatioBuckets() {
   return buckets;
 }
 
-MetricFamily MakeGauge(const std::string& name, const std::string& help,
-                       double value) {
+using prometheus::MetricType;
+
+/// A value of a family, and the label that tells it from the others.
+struct Labeled {
+  std::string label;
+  double value;
+};
+
+/// What one type of metric tells by the values of the label `by`.
+MetricFamily MakeFamily(MetricType type, const std::string& name,
+                        const std::string& help, const std::string& by,
+                        const std::vector<Labeled>& values) {
   MetricFamily family;
   family.name = absl::StrCat("isomatch_", name);
   family.help = help;
-  family.type = prometheus::MetricType::Gauge;
-  family.metric.resize(1);
-  family.metric[0].gauge.value = value;
+  family.type = type;
+  for (const auto& [label, value] : values) {
+    prometheus::ClientMetric& metric = family.metric.emplace_back();
+    if (!by.empty()) metric.label = {{by, label}};
+    // Of these the type says which is read.
+    metric.gauge.value = value;
+    metric.counter.value = value;
+  }
   return family;
+}
+
+MetricFamily MakeGauge(const std::string& name, const std::string& help,
+                       double value) {
+  return MakeFamily(MetricType::Gauge, name, help, "", {{"", value}});
 }
 
 MetricFamily MakeTotal(const std::string& name, const std::string& help,
                        double value) {
-  MetricFamily family;
-  family.name = absl::StrCat("isomatch_", name);
-  family.help = help;
-  family.type = prometheus::MetricType::Counter;
-  family.metric.resize(1);
-  family.metric[0].counter.value = value;
-  return family;
-}
-
-/// Few labels, however many priorities there are.
-MetricFamily QueuedJobs(const LoadFigures& load) {
-  MetricFamily family;
-  family.name = "isomatch_jobs_queued";
-  family.help = "Jobs that wait, by priority below, at and above 0";
-  family.type = prometheus::MetricType::Gauge;
-  for (const auto& [priority, count] : {std::pair("low", load.queued_low),
-                                        std::pair("normal", load.queued_normal),
-                                        std::pair("high", load.queued_high)}) {
-    family.metric.emplace_back();
-    family.metric.back().label = {{"priority", priority}};
-    family.metric.back().gauge.value = count;
-  }
-  return family;
-}
-
-/// Jobs that cannot start although it may be their turn.
-MetricFamily HeldJobs(const LoadFigures& load) {
-  MetricFamily family;
-  family.name = "isomatch_jobs_held";
-  family.help = "Jobs of the queue that wait for the disk, by what it refuses";
-  family.type = prometheus::MetricType::Gauge;
-  for (const auto& [reason, count] :
-       {std::pair("storage", load.held_for_storage),
-        std::pair("inputs", load.held_for_inputs)}) {
-    family.metric.emplace_back();
-    family.metric.back().label = {{"reason", reason}};
-    family.metric.back().gauge.value = count;
-  }
-  return family;
-}
-
-/// A counter by where prepared meshes were found.
-MetricFamily PreparedTotal(const LoadFigures& load) {
-  MetricFamily family;
-  family.name = "isomatch_prepared_total";
-  family.help = "Meshes that jobs needed, by where their preparation was found";
-  family.type = prometheus::MetricType::Counter;
-  for (const auto& [found, count] :
-       {std::pair("memory", load.prepared_in_memory),
-        std::pair("disk", load.prepared_on_disk),
-        std::pair("none", load.prepared_missing)}) {
-    family.metric.emplace_back();
-    family.metric.back().label = {{"found", found}};
-    family.metric.back().counter.value = static_cast<double>(count);
-  }
-  return family;
+  return MakeFamily(MetricType::Counter, name, help, "", {{"", value}});
 }
 
 void AddGauges(const ClusterFigures::Told& told,
@@ -176,12 +141,24 @@ class LoadCollector final : public prometheus::Collectable {
 
  private:
   static std::vector<MetricFamily> Local(const LoadFigures& load) {
-    const auto bytes = [](std::int64_t count) {
-      return static_cast<double>(count);
+    const auto count = [](std::int64_t number) {
+      return static_cast<double>(number);
     };
     return {
-        QueuedJobs(load),
-        HeldJobs(load),
+        // Few labels, however many priorities there are.
+        MakeFamily(MetricType::Gauge, "jobs_queued",
+                   "Jobs that wait, by priority below, at and above 0",
+                   "priority",
+                   {{"low", count(load.queued_low)},
+                    {"normal", count(load.queued_normal)},
+                    {"high", count(load.queued_high)}}),
+        // They cannot start although it may be their turn.
+        MakeFamily(
+            MetricType::Gauge, "jobs_held",
+            "Jobs of the queue that wait for the disk, by what it refuses",
+            "reason",
+            {{"storage", count(load.held_for_storage)},
+             {"inputs", count(load.held_for_inputs)}}),
         MakeGauge("jobs_running", "Jobs that have a worker", load.running_jobs),
         MakeGauge("workers_stuck",
                   "Workers whose jobs were asked to stop and do not",
@@ -193,17 +170,23 @@ class LoadCollector final : public prometheus::Collectable {
                   static_cast<double>(load.refused_connections)),
         MakeGauge("memory_budget_bytes",
                   "What running jobs may reserve together",
-                  bytes(load.memory_budget_bytes)),
+                  count(load.memory_budget_bytes)),
         MakeGauge("memory_reserved_bytes", "What running jobs have reserved",
-                  bytes(load.memory_reserved_bytes)),
+                  count(load.memory_reserved_bytes)),
         MakeGauge("memory_measured_bytes",
                   "Peak resident memory since a job last started",
-                  bytes(load.memory_measured_bytes)),
+                  count(load.memory_measured_bytes)),
         MakeGauge("stored_bytes", "Meshes and results that are kept",
-                  bytes(load.stored_bytes)),
+                  count(load.stored_bytes)),
         MakeGauge("prepared_bytes", "Prepared meshes in memory",
-                  bytes(load.prepared_bytes)),
-        PreparedTotal(load),
+                  count(load.prepared_bytes)),
+        MakeFamily(
+            MetricType::Counter, "prepared_total",
+            "Meshes that jobs needed, by where their preparation was found",
+            "found",
+            {{"memory", count(load.prepared_in_memory)},
+             {"disk", count(load.prepared_on_disk)},
+             {"none", count(load.prepared_missing)}}),
     };
   }
 

@@ -56,7 +56,7 @@ HashedTestShape::HashedTestShape(TriangleMesh mesh, int pool_size)
           {})),
       frames_(GatherFrames(mesh_.positions, VertexNormals(mesh_),
                            Eigen::VectorXd::Zero(mesh_.num_vertices()), pool_)),
-      environments_(basis_, AllVertices(mesh_)) {
+      environments_(EnvironmentsOf(basis_, AllVertices(mesh_))) {
   pool_.ListNearest({}).IgnoreError();  // without a stop there is no error
 }
 

@@ -115,7 +115,7 @@ TEST(EnvironmentsTest, EachVertexIsInThoseOfItsThreeNearestBasisPoints) {
   const HashedShape hashed = shape.hashed();
   std::map<int, std::vector<int>> environments_of;
   for (int z = 0; z < shape.basis().num_points(); ++z) {
-    for (const int v : hashed.environments.Members(z)) {
+    for (const int v : hashed.environments[z]) {
       environments_of[v].push_back(z);
     }
   }

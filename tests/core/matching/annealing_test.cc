@@ -43,11 +43,10 @@ TEST_F(AnnealingTest, ExchangedMatchesFindBack) {
   matching_.Swap(10, 31);
   matching_.Swap(7, 55);
   ASSERT_EQ(Wrong(), 4);
-  const SwapCounts counts = SwapPhase({/*proposals=*/20000, /*neighbors=*/0}, 0,
-                                      &random_, &matching_);
+  EXPECT_GE(SwapPhase({/*proposals=*/20000, /*neighbors=*/0}, 0, &random_,
+                      &matching_),
+            2);
   EXPECT_EQ(Wrong(), 0);
-  EXPECT_EQ(counts.proposed, 20000);
-  EXPECT_GE(counts.accepted, 2);
 }
 
 TEST_F(AnnealingTest, PartnersAreDrawnFromTheNeighbors) {
@@ -69,8 +68,7 @@ TEST_F(AnnealingTest, HotterPhasesAcceptMore) {
     RandomStream random(9, 0);
     const double temperature = i == 0 ? 0 : i == 1 ? 3 : 300;
     accepted[i] = SwapPhase({/*proposals=*/3000, /*neighbors=*/0}, temperature,
-                            &random, &matching_)
-                      .accepted;
+                            &random, &matching_);
   }
   EXPECT_EQ(accepted[0], 0);
   EXPECT_GT(accepted[1], 0);
@@ -98,7 +96,7 @@ TEST_F(AnnealingTest, RelocationBringsADisplacedMatchHome) {
 TEST_F(AnnealingTest, OneMatchHasNothingToSwapWith) {
   Matching one(shape_.pool(), shape_.pool(), 1);
   one.Add({3, 3});
-  EXPECT_EQ(SwapPhase({}, 1, &random_, &one).proposed, 0);
+  EXPECT_EQ(SwapPhase({}, 1, &random_, &one), 0);
 }
 
 }  // namespace

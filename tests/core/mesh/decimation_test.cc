@@ -33,7 +33,7 @@ VertexIndex EulerCharacteristic(const TriangleMesh& mesh) {
 
 TEST(DecimateTest, KeepsSomeVerticesWhereTheyAre) {
   const TriangleMesh fine = FiveArms(4);
-  const CoarseMesh coarse = Decimate(fine, 600);
+  const CoarseMesh coarse = *Decimate(fine, 600, {});
   ASSERT_EQ(coarse.fine_from_coarse.size(),
             static_cast<std::size_t>(coarse.mesh.num_vertices()));
   EXPECT_TRUE(std::is_sorted(coarse.fine_from_coarse.begin(),
@@ -47,7 +47,7 @@ TEST(DecimateTest, KeepsSomeVerticesWhereTheyAre) {
 
 TEST(DecimateTest, KeepsTheShape) {
   const TriangleMesh fine = FiveArms(4);
-  const TriangleMesh coarse = Decimate(fine, 600).mesh;
+  const TriangleMesh coarse = Decimate(fine, 600, {})->mesh;
   EXPECT_NEAR(SurfaceArea(coarse), SurfaceArea(fine), 0.03 * SurfaceArea(fine));
   // A closed surface of one piece stays one: V - E + F = 2.
   const CleanMesh clean = Clean(coarse);
@@ -61,15 +61,15 @@ TEST(DecimateTest, DoesNotDependOnUnitAndPlace) {
   TriangleMesh moved = fine;
   // Powers of two: the same digits.
   moved.positions *= 1 << 20;
-  const CoarseMesh a = Decimate(fine, 300);
-  const CoarseMesh b = Decimate(moved, 300);
+  const CoarseMesh a = *Decimate(fine, 300, {});
+  const CoarseMesh b = *Decimate(moved, 300, {});
   EXPECT_EQ(a.fine_from_coarse, b.fine_from_coarse);
   EXPECT_EQ(a.mesh.faces, b.mesh.faces);
 }
 
 TEST(DecimateTest, KeepsTheBoundaryOfAnOpenMesh) {
   const TriangleMesh fine = PlaneGrid(60, 40, 3, 2);
-  const TriangleMesh coarse = Decimate(fine, 500).mesh;
+  const TriangleMesh coarse = Decimate(fine, 500, {})->mesh;
   EXPECT_LE(coarse.num_vertices(), 560);
   EXPECT_NEAR(SurfaceArea(coarse), 6, 1e-6);
 }
@@ -82,7 +82,7 @@ TEST(DecimateTest, CoincidingShellsAreDecimatedAsWell) {
   two.positions << one.positions, one.positions;
   two.faces.resize(2 * one.num_faces(), 3);
   two.faces << one.faces, one.faces.array() + VertexIndex{one.num_vertices()};
-  EXPECT_NEAR(Decimate(two, 800).mesh.num_vertices(), 800, 40);
+  EXPECT_NEAR(Decimate(two, 800, {})->mesh.num_vertices(), 800, 40);
 }
 
 // Large enough to be decimated patch by patch.
@@ -104,7 +104,7 @@ void ExpectEvenFaces(const TriangleMesh& coarse) {
 }
 
 TEST_F(DecimateLargeTest, LeavesNoTraceOfPatches) {
-  const TriangleMesh coarse = Decimate(sphere_, 2000).mesh;
+  const TriangleMesh coarse = Decimate(sphere_, 2000, {})->mesh;
   EXPECT_NEAR(coarse.num_vertices(), 2000, 40);
   EXPECT_EQ(EulerCharacteristic(coarse), 2);
   ExpectEvenFaces(coarse);
@@ -115,7 +115,7 @@ TEST_F(DecimateLargeTest, LeavesNoTraceOfPatches) {
 
 // Patches of patches: 1.3 million faces, of which 1 in 650 is left.
 TEST(DecimateVeryLargeTest, LeavesNoTraceOfPatches) {
-  const TriangleMesh coarse = Decimate(UnitSphere(8), 1000).mesh;
+  const TriangleMesh coarse = Decimate(UnitSphere(8), 1000, {})->mesh;
   EXPECT_NEAR(coarse.num_vertices(), 1000, 20);
   EXPECT_EQ(EulerCharacteristic(coarse), 2);
   ExpectEvenFaces(coarse);
@@ -123,15 +123,15 @@ TEST(DecimateVeryLargeTest, LeavesNoTraceOfPatches) {
 
 TEST_F(DecimateLargeTest, IsTheSameAtAnyThreadCount) {
   CoarseMesh one;
-  RunWithThreads(1, [&] { one = Decimate(sphere_, 1000); });
+  RunWithThreads(1, [&] { one = *Decimate(sphere_, 1000, {}); });
   CoarseMesh four;
-  RunWithThreads(4, [&] { four = Decimate(sphere_, 1000); });
+  RunWithThreads(4, [&] { four = *Decimate(sphere_, 1000, {}); });
   EXPECT_EQ(one.fine_from_coarse, four.fine_from_coarse);
   EXPECT_EQ(one.mesh.faces, four.mesh.faces);
 }
 
 TEST_F(DecimateLargeTest, LeavesAsManyAsAreAskedFor) {
-  EXPECT_NEAR(Decimate(sphere_, 120'000).mesh.num_vertices(), 120'000, 2'400);
+  EXPECT_NEAR(Decimate(sphere_, 120'000, {})->mesh.num_vertices(), 120'000, 2'400);
 }
 
 TEST_F(DecimateLargeTest, IsCancelled) {

@@ -24,7 +24,7 @@ class EmbeddingTest : public testing::Test {
 
   const TriangleMesh fine_ = FiveArms(4);
   const VertexStars fine_stars_{fine_};
-  const CoarseMesh coarse_ = Decimate(fine_, 800);
+  const CoarseMesh coarse_ = *Decimate(fine_, 800, {});
 };
 
 TEST_F(EmbeddingTest, FindsTheNearestPointOfAllFaces) {
