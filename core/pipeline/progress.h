@@ -71,4 +71,22 @@ struct StopTokens {
   std::stop_token hurry;
 };
 
+/// A stop that comes with either of them, which must outlive it.
+class EitherStop {
+ public:
+  explicit EitherStop(const StopTokens& tokens)
+      : on_stop_(tokens.stop, End{ends_}),
+        on_hurry_(tokens.hurry, End{ends_}) {}
+  std::stop_token token() const { return ends_.get_token(); }
+
+ private:
+  struct End {
+    std::stop_source& ends;
+    void operator()() const { ends.request_stop(); }
+  };
+  std::stop_source ends_;
+  std::stop_callback<End> on_stop_;
+  std::stop_callback<End> on_hurry_;
+};
+
 }  // namespace isomatch

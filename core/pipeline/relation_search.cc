@@ -214,11 +214,8 @@ class RelationSearch {
                                            bool has_map) {
     MatchControl control = control_.With(joined_.OfNext());
     if (!has_map) return match_(options, control);
-    std::stop_source ends;
-    const auto end = [&ends] { ends.request_stop(); };
-    const std::stop_callback on_stop(control_.stop, end);
-    const std::stop_callback on_hurry(control_.hurry, end);
-    control.stop = ends.get_token();
+    const EitherStop ends({control_.stop, control_.hurry});
+    control.stop = ends.token();
     control.hurry = {};
     absl::StatusOr<Correspondence> found = match_(options, control);
     if (!absl::IsCancelled(found.status()) || control_.stop.stop_requested()) {

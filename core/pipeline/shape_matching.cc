@@ -22,6 +22,7 @@
 #include "core/pipeline/relation_search.h"
 #include "core/pipeline/shape_contents.h"
 #include "core/pipeline/stage_plan.h"
+#include "core/pipeline/torn_maps.h"
 
 namespace isomatch {
 namespace {
@@ -98,6 +99,25 @@ struct Request {
   const MatchControl& control;
 };
 
+/// Matches whole shapes, again where the map is torn, which is not reported.
+absl::StatusOr<Correspondence> MatchWholes(const MatchInputs& inputs,
+                                           ProgressReporter* reporter,
+                                           const StopTokens& stops) {
+  return MatchUntilNotTorn(
+      inputs.options, stops,
+      [&](const MatchOptions& options, const StopTokens& ends) {
+        auto plan = StagePlan(options);
+        std::erase_if(plan, [](const auto& stage) {
+          return stage.first < Stage::kSeeds;  // both are prepared
+        });
+        ProgressReporter silent({}, std::move(plan));
+        ProgressReporter* const told = std::exchange(reporter, nullptr);
+        return RunMatch(
+            {inputs.x, inputs.own_x, inputs.y, inputs.landmarks, options},
+            told == nullptr ? &silent : told, ends);
+      });
+}
+
 /// Each component is prepared when its turn comes.
 absl::StatusOr<Correspondence> PrepareAndMatchComponents(
     const PreparedShape& x, const PreparedShape& y, const Request& request) {
@@ -129,8 +149,9 @@ absl::StatusOr<Correspondence> PrepareAndMatchComponents(
         PrepareMeshes({MeshToPrepare{std::move(clean_x), "mesh_x"},
                        MeshToPrepare{std::move(clean_y), "mesh_y"}},
                       options, &reporter, stop, &prepared));
-    return RunMatch({prepared[kX], &prepared[kX], prepared[kY], known, options},
-                    &reporter, {stop, request.control.hurry});
+    return MatchWholes(
+        {prepared[kX], &prepared[kX], prepared[kY], known, options}, &reporter,
+        {stop, request.control.hurry});
   };
   return MatchByComponents({*shapes[kX]->mesh, *splits[kX], *splits[kY]},
                            request.landmarks, match_one, request.control);
@@ -199,8 +220,8 @@ absl::StatusOr<Correspondence> MatchWhole(PreparedShape& x, PreparedShape& y,
   ISOMATCH_RETURN_IF_ERROR(
       CheckDecimated(SizesOf(*whole_x), SizesOf(*whole_y), options));
   if (options.relation == Relation::kWhole) {
-    return RunMatch({*whole_x, own_x, *whole_y, request.landmarks, options},
-                    &reporter, stops);
+    return MatchWholes({*whole_x, own_x, *whole_y, request.landmarks, options},
+                       &reporter, stops);
   }
   return MatchPart({*whole_x, own_x, *whole_y, request.landmarks, options},
                    &reporter, stops);

@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/pipeline/correspondence.h"
+#include "core/pipeline/torn_maps.h"
 
 namespace isomatch {
 namespace {
@@ -165,6 +166,9 @@ Verdict VerdictOf(const Correspondence& found) {
   }
   if (!(quality.area_distortion <= kMostAreaDistortion)) {
     return Doubtful(Stretched(found), look);
+  }
+  if (found.relation == Relation::kWhole && IsTorn(found.scores)) {
+    return Doubtful("the map seems torn or turned in places", look);
   }
   if (!(quality.mean_confidence >= kGoodConfidence)) {
     return Doubtful(Confidence(found), look);

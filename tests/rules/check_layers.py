@@ -98,7 +98,7 @@ FLOORS = {folder: [set(names.split()) for names in floors] for folder, floors in
         "memory_plan progress_reporter stage_plan",
         "candidates prepared_mesh",
         "candidate_choice component_matching confidence counterpart_rule landmarks lifting"
-        " part_start preparation relation_search user_numbering",
+        " part_start preparation relation_search torn_maps user_numbering",
         "conclusion prepared_shape_io quality_report shape_contents",
         "match_run",
         "match_engine matcher shape_matching",

@@ -61,7 +61,7 @@ TEST(MemoryEstimateBookTest, CorrectedDistancesDoNotPileUp) {
   const MemoryGrowth growth;
   ASSERT_THAT(Match(x, y, {}, options), IsOk());
   EXPECT_LE(growth.Bytes(),
-            EstimateMemoryBytes(SizeOf(x), SizeOf(y), 0, options) * 2 / 3);
+            EstimateMemoryBytes(SizeOf(x), SizeOf(y), 0, options) * 3 / 4);
 }
 
 /// Of a pair of closed meshes of n vertices each.

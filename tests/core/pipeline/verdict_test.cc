@@ -114,6 +114,16 @@ TEST(VerdictTest, EachDoubtIsToldWithWhatToDo) {
   expect_doubt(found, "no time to refine");
 }
 
+TEST(VerdictTest, AWholeMapThatIsTornIsDoubtful) {
+  Correspondence torn = Good();
+  torn.scores.stretch = 0.11;
+  torn.scores.normal_mismatch = 0.04;
+  EXPECT_EQ(VerdictOf(torn).level, VerdictLevel::kDoubtful);
+  EXPECT_THAT(VerdictOf(torn).reason, HasSubstr("torn"));
+  torn.relation = Relation::kPartOfY;  // of which more normals differ
+  EXPECT_EQ(VerdictOf(torn).level, VerdictLevel::kGood);
+}
+
 TEST(VerdictTest, OfRealMapsTheRightOnesAreGood) {
   const TriangleMesh shape = FiveArms(3);
   const auto same = Match(shape, shape, {}, QuickOptions());
