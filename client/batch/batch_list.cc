@@ -49,6 +49,13 @@ std::string PairName(const std::string& x, const std::string& y) {
 
 // The paths of a line; nothing when a quote has no partner.
 std::optional<std::vector<std::string>> SplitPaths(absl::string_view line) {
+  std::size_t length = 0;
+  for (bool is_in_quotes = false;
+       length < line.size() && (is_in_quotes || line[length] != '#');
+       ++length) {
+    is_in_quotes ^= line[length] == '"';
+  }
+  line = absl::StripAsciiWhitespace(line.substr(0, length));
   const bool has_tabs = line.find('\t') != absl::string_view::npos;
   std::vector<std::string> paths;
   std::string path;
@@ -70,7 +77,6 @@ std::optional<std::vector<std::string>> SplitPaths(absl::string_view line) {
       continue;
     }
     if (!is_quoted) {
-      if (c == '#') break;
       if (c == '\t' || c == '\r' || (c == ' ' && !has_tabs)) {
         end();
         continue;

@@ -10,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/time.h"
 #include "client/api/rpc_status.h"
+#include "client/files/input_file.h"
 #include "client/files/map_file.h"
 #include "client/files/mesh_input.h"
 #include "client/files/text_file.h"
@@ -75,7 +76,7 @@ absl::StatusOr<BatchError> MeasureError(const BatchPair& pair,
 }
 
 std::string Stem(const std::string& path) {
-  return std::filesystem::path(path).stem().string();
+  return std::filesystem::path(WithoutGz(path)).stem().string();
 }
 
 }  // namespace

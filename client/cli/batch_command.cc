@@ -23,6 +23,7 @@
 #include "client/cli/option_support.h"
 #include "client/cli/progress_line.h"
 #include "client/cli/remote_server.h"
+#include "client/files/text_file.h"
 #include "core/base/status_macros.h"
 #include "core/pipeline/match_options.h"
 
@@ -141,6 +142,8 @@ absl::Status RunBatch(const BatchArguments& arguments,
   ISOMATCH_ASSIGN_OR_RETURN(const std::vector<BatchPair> pairs,
                             ReadPairs(arguments));
   ISOMATCH_RETURN_IF_ERROR(MakeFolder(arguments.options.folder));
+  ISOMATCH_RETURN_IF_ERROR(
+      CheckOutputFile(absl::StrCat(arguments.options.folder, "/summary.csv")));
   BatchOptions options = arguments.options;
   options.parallel = arguments.parallel;
   options.parts.mask_y = RelationOf(options.job.relation) != Relation::kWhole;

@@ -66,7 +66,7 @@ std::string MapBytes(const std::string& path, const VertexMap& y_from_x,
   }
   const Colors colors = facts.colors_y
                             ? *facts.colors_y
-                            : PositionColors(facts.mesh_y->positions);
+                            : PositionColors(*facts.mesh_y);
   return FormatMapPly(
       {*facts.mesh_x, *facts.mesh_y, y_from_x, colors, confidence});
 }

@@ -26,17 +26,6 @@ constexpr double kAbsurd = 0.2;
 // How much nearer the other coordinate system has to bring the points.
 constexpr double kMuchNearer = 4;
 
-double SurfaceDiagonal(const TriangleMesh& mesh) {
-  const std::vector<bool> is_on_face = VerticesOnFaces(mesh);
-  Eigen::AlignedBox3d box;
-  for (VertexIndex v = 0; v < mesh.num_vertices(); ++v) {
-    if (is_on_face[static_cast<std::size_t>(v)]) {
-      box.extend(mesh.positions.row(v).transpose());
-    }
-  }
-  return box.isEmpty() ? 0 : box.diagonal().norm();
-}
-
 double SquaredDistance(const TriangleMesh& mesh, VertexIndex v,
                        const Eigen::RowVector3d& position) {
   return (mesh.positions.row(v) - position).squaredNorm();
@@ -256,7 +245,7 @@ absl::StatusOr<SnappedPoints> ReadSnappedPoints(const std::string& path,
     return absl::InvalidArgumentError(
         absl::StrCat(subject, ": the mesh has no face, expected a surface"));
   }
-  const double diagonal = SurfaceDiagonal(mesh);
+  const double diagonal = BoxOfFaces(mesh).sizes().norm();
   SnappedPoints snapped;
   snapped.space = file.space;
   snapped.points = SnapAll(mesh, file.points);

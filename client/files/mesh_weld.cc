@@ -34,9 +34,7 @@ constexpr double kCloseInEdges = 0.05;
 constexpr std::size_t kMostInCell = 32;
 
 double Diagonal(const TriangleMesh& mesh) {
-  return (mesh.positions.colwise().maxCoeff() -
-          mesh.positions.colwise().minCoeff())
-      .norm();
+  return BoxOfFaces(mesh).sizes().norm();
 }
 
 // Vertices by cubes of a side; those within that length of a point are in its

@@ -57,6 +57,14 @@ class OffReader {
     for (std::int64_t f = 0; f < faces_; ++f) {
       if (auto fault = ReadFace(f)) return fault;
     }
+    if (cursor_.LeftAhead() > 0) {
+      cursor_.Take();
+      soup_->warnings.push_back(
+          absl::StrCat(cursor_.Where(),
+                       " and what follows is not read: the "
+                       "header says ",
+                       vertices_, " vertices and ", faces_, " faces"));
+    }
     return std::nullopt;
   }
 
@@ -100,9 +108,11 @@ class OffReader {
     constexpr std::array<const char*, 4> kNames = {"x", "y", "z", "w"};
     std::array<double, 4> numbers = {0, 0, 0, 1};
     const std::size_t count = is_homogeneous_ ? 4 : 3;
+    int first_line = 0;
     for (std::size_t i = 0; i < count; ++i) {
       const absl::string_view word = cursor_.Take();
       if (word.empty()) return Ends("vertex", v);
+      if (i == 0) first_line = cursor_.line();
       if (ReadFinite(word, &numbers[i])) continue;
       return MeshFault{
           cursor_.Where(),
@@ -110,6 +120,11 @@ class OffReader {
                        Quoted(word), ", expected a finite number")};
     }
     const auto rest = cursor_.TakeRestOfLine();
+    if (cursor_.line() != first_line && !rest.empty()) {
+      return MeshFault{absl::StrCat("line ", first_line),
+                       absl::StrCat("vertex ", v, " (0-based) has less than ",
+                                    count, " numbers")};
+    }
     const std::size_t normals = has_normals_ ? 3 : 0;
     colors_.Add(rest.subspan(std::min(normals, rest.size())), cursor_.line());
     const double w = numbers[3];
@@ -150,7 +165,7 @@ class OffReader {
     return {cursor_.Where(),
             absl::StrCat("the file ends in ", kind, " ", item,
                          " (0-based), expected ", vertices_, " vertices and ",
-                         faces_, " faces as its header says")};
+                         faces_, " faces as its header says, one a line")};
   }
 
   const std::int64_t bytes_;

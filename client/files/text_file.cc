@@ -122,6 +122,11 @@ absl::StatusOr<std::string> ReadFile(const std::string& path,
 }
 
 absl::Status CheckOutputFile(const std::string& path) {
+  if (path == "-") {
+    return absl::InvalidArgumentError(
+        "'-': expected a file to write (./- for one of that name); of all "
+        "outputs only a map goes to standard output, by -o -");
+  }
   std::error_code error;
   if (fs::is_directory(path, error)) {
     return absl::InvalidArgumentError(absl::StrCat(

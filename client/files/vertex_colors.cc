@@ -6,6 +6,8 @@
 #include <cstdint>
 #include <utility>
 
+#include "core/mesh/mesh_geometry.h"
+
 namespace isomatch {
 namespace {
 
@@ -13,9 +15,9 @@ constexpr double kByteScale = 255;
 
 }  // namespace
 
-Colors PositionColors(const Positions& positions) {
-  const std::vector<Rgb> bytes = PositionRgb(positions);
-  Colors colors(positions.rows(), 3);
+Colors PositionColors(const TriangleMesh& mesh) {
+  const std::vector<Rgb> bytes = PositionRgb(mesh.positions, BoxOfFaces(mesh));
+  Colors colors(mesh.num_vertices(), 3);
   for (std::size_t v = 0; v < bytes.size(); ++v) {
     for (std::size_t channel = 0; channel < 3; ++channel) {
       colors(static_cast<Eigen::Index>(v), static_cast<Eigen::Index>(channel)) =

@@ -17,7 +17,7 @@ inline const Eigen::RowVector3d kNoColor =
 
 /// Returns colors that tell places, and left from right, apart: those of
 /// `isomatch view` (client/picture/colors.h).
-Colors PositionColors(const Positions& positions);
+Colors PositionColors(const TriangleMesh& mesh);
 
 /// A color as bytes, rounded.
 Rgb ColorBytes(const Eigen::RowVector3d& color);

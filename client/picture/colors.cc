@@ -109,21 +109,22 @@ Palette DistortionPalette() {
                    {0xb2, 0x25, 0x2c}}});
 }
 
-std::vector<Rgb> PositionRgb(const Positions& positions) {
-  const Eigen::RowVector3d low = positions.colwise().minCoeff();
-  const Eigen::RowVector3d extent = positions.colwise().maxCoeff() - low;
+std::vector<Rgb> PositionRgb(const Positions& positions,
+                             const Eigen::AlignedBox3d& box) {
+  const Eigen::Vector3d low = box.min();
+  const Eigen::Vector3d extent = box.sizes();
   std::array<int, 3> axes;
   std::iota(axes.begin(), axes.end(), 0);
   std::stable_sort(axes.begin(), axes.end(),
                    [&](int i, int j) { return extent[i] > extent[j]; });
   std::vector<Rgb> colors(positions.rows());
   for (Eigen::Index v = 0; v < positions.rows(); ++v) {
-    std::array<double, 3> place;
+    std::array<double, 3> place = {0, 0, 0};
     for (int i = 0; i < 3; ++i) {
       const int axis = axes[i];
-      place[i] = extent[axis] > 0
-                     ? 2 * (positions(v, axis) - low[axis]) / extent[axis] - 1
-                     : 0;
+      if (!(extent[axis] > 0)) continue;
+      const double part = (positions(v, axis) - low[axis]) / extent[axis];
+      place[i] = 2 * std::clamp(part, 0.0, 1.0) - 1;
     }
     colors[v] = PositionColor(place[0], place[1], place[2]);
   }

@@ -4,6 +4,8 @@
 #include <cstdint>
 #include <vector>
 
+#include <Eigen/Geometry>
+
 #include "core/mesh/triangle_mesh.h"
 
 namespace isomatch {
@@ -27,13 +29,14 @@ Palette ErrorPalette();
 Palette DistortionPalette();
 
 /// Returns for each vertex a color that tells where it is, a smooth function
-/// of its place in the mesh's box: hue along the longest side, lightness along
+/// of its place in `box`: hue along the longest side, lightness along
 /// the next, hue and chroma along the shortest. Near the middle, where legs and
 /// left and right meet, it changes fastest. No plane through the box is a
 /// mirror of the colors, so that a map that swaps left and right shows.
 ///
-/// Depends on positions alone, and not on their scale. Vertices on no face
-/// widen the box, nothing else.
-std::vector<Rgb> PositionRgb(const Positions& positions);
+/// Does not depend on scale. A vertex outside has the color of the nearest
+/// place inside.
+std::vector<Rgb> PositionRgb(const Positions& positions,
+                             const Eigen::AlignedBox3d& box);
 
 }  // namespace isomatch

@@ -18,18 +18,6 @@ namespace {
 
 constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
 
-/// The box of the faces.
-Eigen::AlignedBox3d BoxOfFaces(const TriangleMesh& mesh) {
-  const std::vector<bool> is_on_face = VerticesOnFaces(mesh);
-  Eigen::AlignedBox3d box;
-  for (VertexIndex v = 0; v < mesh.num_vertices(); ++v) {
-    if (is_on_face[static_cast<std::size_t>(v)]) {
-      box.extend(mesh.positions.row(v).transpose());
-    }
-  }
-  return box;
-}
-
 Eigen::RowVector3d Extents(const TriangleMesh& mesh) {
   return BoxOfFaces(mesh).sizes().transpose() / std::sqrt(SurfaceArea(mesh));
 }

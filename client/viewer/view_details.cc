@@ -7,6 +7,7 @@
 #include "client/viewer/figures.h"
 #include "client/viewer/layers.h"
 #include "core/base/status_macros.h"
+#include "core/mesh/mesh_geometry.h"
 
 namespace isomatch {
 
@@ -14,7 +15,7 @@ absl::Status AddDetails(ViewDetails details, PairView& view) {
   view.title = details.title.empty()
                    ? absl::StrCat(view.x.name, " \u2192 ", view.y.name)
                    : std::move(details.title);
-  view.colors_y = PositionRgb(view.y.mesh.positions);
+  view.colors_y = PositionRgb(view.y.mesh.positions, BoxOfFaces(view.y.mesh));
   view.rotation = ViewRotation(view.x.mesh, view.y.mesh, details.up);
   const MappedPair pair = {view.x.mesh, view.y.mesh, view.y_from_x,
                            view.precise, view.matched_y};

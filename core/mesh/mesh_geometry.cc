@@ -84,6 +84,14 @@ double MeanEdgeLength(const TriangleMesh& mesh) {
   return mesh.num_faces() > 0 ? sum / (3.0 * mesh.num_faces()) : 0;
 }
 
+Eigen::AlignedBox3d BoxOfFaces(const TriangleMesh& mesh) {
+  Eigen::AlignedBox3d box;
+  for (const VertexIndex corner : mesh.faces.reshaped()) {
+    box.extend(mesh.positions.row(corner).transpose());
+  }
+  return box;
+}
+
 std::vector<bool> VerticesOnFaces(const TriangleMesh& mesh) {
   std::vector<bool> is_on_face(static_cast<std::size_t>(mesh.num_vertices()));
   for (const VertexIndex corner : mesh.faces.reshaped()) {

@@ -3,6 +3,7 @@
 #include <vector>
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 
 #include "core/mesh/triangle_mesh.h"
 
@@ -39,6 +40,9 @@ double SignedVolume6(const TriangleMesh& mesh, VertexIndex face,
 /// Mean length over the edges of all faces (an edge of two faces counts
 /// twice), mesh units. 0 without faces.
 double MeanEdgeLength(const TriangleMesh& mesh);
+
+/// The box of the faces: vertices on none do not count. Empty without faces.
+Eigen::AlignedBox3d BoxOfFaces(const TriangleMesh& mesh);
 
 /// Which vertices are a face's.
 std::vector<bool> VerticesOnFaces(const TriangleMesh& mesh);

@@ -328,12 +328,21 @@ TEST_F(BatchTest, PathsMayHaveBlanks) {
   EXPECT_TRUE(fs::exists(Out("my cat__c.txt")));
 }
 
+TEST_F(BatchTest, WhatEndsALineIsNoBlankBetweenPaths) {
+  const std::string list =
+      folder_.Write("tabs.txt", "a.off b.off\t\na.off c.ply \t # \"both\"\n");
+  EXPECT_EQ(Batch({list}).status, kExitSuccess);
+  EXPECT_TRUE(fs::exists(Out("a__b.txt")));
+  EXPECT_TRUE(fs::exists(Out("a__c.txt")));
+}
+
 TEST_F(BatchTest, PackedMeshesAndPointsOfBothShapesAreListed) {
   fs::copy_file(folder_.Path("a.off"), folder_.Path("d.off.gz"));
   folder_.Write("d.csv", "0 0 1 pole\n");
   ASSERT_EQ(Batch({folder_.Write("list2.txt", "d b d.csv d.csv\n")}).status,
             kExitSuccess);
   EXPECT_TRUE(fs::exists(Out("d__b.txt")));
+  EXPECT_THAT(*ReadFile(Out("summary.csv"), "a table"), HasSubstr("\nd,b,"));
   // Other points make the pair new.
   folder_.Write("d.csv", "0 1 0 pole\n");
   const CommandOutcome again = Batch({folder_.Path("list2.txt")});

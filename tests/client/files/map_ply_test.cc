@@ -57,7 +57,7 @@ class MapPlyTest : public testing::Test {
  protected:
   const TriangleMesh x_ = Tetrahedron();
   const TriangleMesh y_ = UnitSphere(1);
-  const Colors colors_ = PositionColors(y_.positions);
+  const Colors colors_ = PositionColors(y_);
   const VertexMap map_ = {7, kNoVertex, 0, 7};
 };
 

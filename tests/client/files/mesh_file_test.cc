@@ -19,6 +19,7 @@
 namespace isomatch {
 namespace {
 
+using testing::ElementsAre;
 using testing::HasSubstr;
 
 // A square with a repeated (4) and an isolated (5) vertex.
@@ -219,6 +220,14 @@ TEST_F(MeshFileTest, AFaultOfATextHasItsOwnSentenceAndLine) {
               Refused("line 15: x of vertex 5 (0-based) is nan"));
 }
 
+TEST_F(MeshFileTest, WhatFollowsTheLastFaceIsTold) {
+  const auto mesh =
+      Read("a.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n3 2 1 0\n");
+  ASSERT_THAT(mesh, IsOk());
+  EXPECT_THAT(mesh->warnings,
+              ElementsAre(HasSubstr("line 7 and what follows is not read")));
+}
+
 // Each a triangle, with what OFF allows beside it.
 TEST_F(MeshFileTest, OffFilesOfEveryKindAreRead) {
   for (const std::string& bytes : std::vector<std::string>{
@@ -256,6 +265,10 @@ TEST_F(MeshFileTest, OffFilesThatAreNoneAreRefused) {
   EXPECT_THAT(Error("a.off", "OFF\n3 1.5 0\n" + points + face),
               Refused("line 2: the header's number of faces is '1.5'"));
   EXPECT_THAT(Error("a.off", "OFF\n"), Refused("number of vertices is ''"));
+  EXPECT_THAT(Error("a.off", "OFF\n3 1 0\n0 0\n2 0 0\n0 3 0\n" + face),
+              Refused("line 3: vertex 0 (0-based) has less than 3 numbers"));
+  EXPECT_THAT(Error("a.off", "OFF 3 1 0 0 0 0 2 0 0 0 3 0 3 0 1 2"),
+              Refused("one a line"));
   EXPECT_THAT(Error("a.off", "OFF\n3 1 0\n" + points + "2 0 1\n"),
               Refused("line 6: face 0 (0-based) has '2' corners"));
   EXPECT_THAT(Error("a.off", "OFF\n3 1 0\n" + points + "3 0 1 1.5\n"),

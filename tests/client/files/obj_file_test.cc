@@ -29,7 +29,7 @@ TEST(ObjFileTest, WhatWeWriteComesBack) {
   texture.materials = {"red", "light blue"};
   texture.material_of_face = {0, 1, -1};
   texture.libraries = {folder.Path("my skin.mtl")};
-  const Colors colors = PositionColors(mesh.positions);
+  const Colors colors = PositionColors(mesh);
   const std::string path = folder.Path("b.obj");
   folder.Write("b.obj", FormatObj(path, mesh, {&texture, &colors}));
   const absl::StatusOr<LoadedMesh> loaded = ReadMesh(path, "X");

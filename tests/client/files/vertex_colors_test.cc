@@ -5,6 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "core/mesh/mesh_geometry.h"
 #include "tests/support/matchers.h"
 #include "tests/support/shapes.h"
 #include "tests/support/temporary_folder.h"
@@ -15,7 +16,7 @@ namespace {
 TEST(ColorColumnsTest, WhatWeWriteComesBack) {
   const TemporaryFolder folder;
   const TriangleMesh mesh = Tetrahedron();
-  const Colors colors = PositionColors(mesh.positions);
+  const Colors colors = PositionColors(mesh);
   const absl::StatusOr<LoadedMesh> loaded = ReadMesh(
       folder.Write("a.ply", FormatPly(mesh, ColorColumns(colors))), "Y");
   ASSERT_THAT(loaded, IsOk());
@@ -25,10 +26,19 @@ TEST(ColorColumnsTest, WhatWeWriteComesBack) {
   }
 }
 
+TEST(PositionColorsTest, AVertexOnNoFaceChangesNoOther) {
+  TriangleMesh body = FiveArms(2);
+  const Colors colors = PositionColors(body);
+  const Eigen::Index n = body.positions.rows();
+  body.positions.conservativeResize(n + 1, Eigen::NoChange);
+  body.positions.row(n).setConstant(1e6);
+  EXPECT_EQ(PositionColors(body).topRows(n), colors);
+}
+
 TEST(PositionColorsTest, AreThoseOfThePage) {
   const TriangleMesh body = MirrorSymmetricBody(2);
-  const Colors colors = PositionColors(body.positions);
-  const std::vector<Rgb> bytes = PositionRgb(body.positions);
+  const Colors colors = PositionColors(body);
+  const std::vector<Rgb> bytes = PositionRgb(body.positions, BoxOfFaces(body));
   for (VertexIndex v = 0; v < body.num_vertices(); ++v) {
     EXPECT_EQ(ColorBytes(colors.row(v)), bytes[static_cast<std::size_t>(v)]);
   }

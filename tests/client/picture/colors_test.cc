@@ -7,6 +7,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "core/mesh/mesh_geometry.h"
 #include "tests/support/shapes.h"
 
 namespace isomatch {
@@ -30,8 +31,14 @@ Positions BoxCorners() {
   return corners;
 }
 
+Eigen::AlignedBox3d BoxOf(const Positions& positions) {
+  return {positions.colwise().minCoeff().transpose(),
+          positions.colwise().maxCoeff().transpose()};
+}
+
 TEST(PositionRgbTest, AllCornersDiffer) {
-  const std::vector<Rgb> colors = PositionRgb(BoxCorners());
+  const std::vector<Rgb> colors =
+      PositionRgb(BoxCorners(), BoxOf(BoxCorners()));
   for (int i = 0; i < 8; ++i) {
     EXPECT_GT(Difference(colors[i], kGray), 40) << i;
     for (int j = 0; j < i; ++j) {
@@ -48,7 +55,7 @@ TEST(PositionRgbTest, SidesNearTheMiddleDiffer) {
   positions.row(9) << 2, 0.2, 0.65;
   positions.row(10) << 2, 0.7, 0.5;
   positions.row(11) << 2, 1.3, 0.5;
-  const std::vector<Rgb> colors = PositionRgb(positions);
+  const std::vector<Rgb> colors = PositionRgb(positions, BoxOf(positions));
   EXPECT_GT(Difference(colors[8], colors[9]), 40);
   EXPECT_GT(Difference(colors[10], colors[11]), 40);
 }
@@ -59,7 +66,7 @@ TEST(PositionRgbTest, NeighborsLookAlike) {
   constexpr double kRounding = 2;
   constexpr double kLevelsPerBox = 2600;
   const TriangleMesh mesh = FiveArms(5);
-  const std::vector<Rgb> colors = PositionRgb(mesh.positions);
+  const std::vector<Rgb> colors = PositionRgb(mesh.positions, BoxOfFaces(mesh));
   const Eigen::Array3d box =
       mesh.positions.colwise().maxCoeff() - mesh.positions.colwise().minCoeff();
   for (VertexIndex f = 0; f < mesh.num_faces(); ++f) {
@@ -75,9 +82,11 @@ TEST(PositionRgbTest, ScaleAndOriginDoNotMatter) {
   const Positions positions = BumpySphere(3).positions;
   // Powers of two keep every bit.
   Positions moved = positions * 1024;
-  EXPECT_EQ(PositionRgb(positions), PositionRgb(moved));
+  EXPECT_EQ(PositionRgb(positions, BoxOf(positions)),
+            PositionRgb(moved, BoxOf(moved)));
   moved.setConstant(3);
-  EXPECT_EQ(PositionRgb(moved).size(), moved.rows());  // no box at all
+  EXPECT_EQ(PositionRgb(moved, BoxOf(moved)).size(),
+            moved.rows());  // no box at all
 }
 
 TEST(PaletteTest, EndsAndMiddleAreWhatTheyMean) {

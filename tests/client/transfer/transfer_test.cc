@@ -25,7 +25,7 @@ std::vector<PrecisePoint> AtAll(const VertexMap& map) {
 
 TEST(TransferTest, TheIdentityCarriesColorsUnchanged) {
   const TriangleMesh sphere = UnitSphere(2);
-  const Colors colors = PositionColors(sphere.positions);
+  const Colors colors = PositionColors(sphere);
   VertexMap identity(static_cast<std::size_t>(sphere.num_vertices()));
   std::iota(identity.begin(), identity.end(), 0);
   EXPECT_EQ(CarryColors(colors, AtAll(identity)), colors);

@@ -13,6 +13,7 @@
 #include "absl/strings/escaping.h"
 #include "client/viewer/folder_page.h"
 #include "core/io/draco_mesh.h"
+#include "core/mesh/mesh_geometry.h"
 #include "tests/support/matchers.h"
 #include "tests/support/shapes.h"
 
@@ -37,7 +38,7 @@ PairView SmallView() {
     view.y_from_x.push_back(3 * x);
   }
   view.y_from_x[5] = kNoVertex;
-  view.colors_y = PositionRgb(view.y.mesh.positions);
+  view.colors_y = PositionRgb(view.y.mesh.positions, BoxOfFaces(view.y.mesh));
   ScalarLayer layer = {.id = "confidence", .palette = ConfidencePalette()};
   layer.on_x.assign(view.x.mesh.num_vertices(), 0.25F);
   layer.on_x[1] = 0.75F;

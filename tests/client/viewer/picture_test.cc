@@ -12,6 +12,7 @@
 #include <gtest/gtest.h>
 
 #include "absl/strings/string_view.h"
+#include "core/mesh/mesh_geometry.h"
 #include "tests/support/matchers.h"
 #include "tests/support/shapes.h"
 
@@ -26,7 +27,7 @@ PairView IdentityView(const TriangleMesh& mesh) {
   view.y = {"y.off", mesh};
   view.y_from_x.resize(mesh.num_vertices());
   std::iota(view.y_from_x.begin(), view.y_from_x.end(), 0);
-  view.colors_y = PositionRgb(mesh.positions);
+  view.colors_y = PositionRgb(mesh.positions, BoxOfFaces(mesh));
   return view;
 }
 
