@@ -3,7 +3,6 @@
 #include <stop_token>
 #include <thread>
 
-#include <fcntl.h>
 #include <unistd.h>
 
 #include "client/cli/command_line.h"
@@ -35,13 +34,6 @@ void WatchSignals(std::stop_source stop) {  // NOLINT: the thread has its own
 }  // namespace
 
 int main(int argc, char** argv) {
-  // Where standard input or output was closed, the next file that is opened
-  // would be taken for it.
-  int file = 0;
-  do {
-    file = open("/dev/null", O_RDWR | O_CLOEXEC);
-  } while (file >= 0 && file <= STDERR_FILENO);
-  if (file >= 0) close(file);
   std::stop_source stop;
   const sigset_t signals = StopSignals();
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);  // threads inherit it

@@ -1,5 +1,6 @@
 #include "client/files/input_file.h"
 
+#include <sys/stat.h>
 #include <unistd.h>
 #include <zlib.h>
 
@@ -85,6 +86,13 @@ class Inflater {
 };
 
 absl::StatusOr<std::string> ReadStandardInput(const std::string& what) {
+  // Where it was closed, a library's first file may have its number: an event,
+  // which is of no type.
+  struct stat about = {};
+  if (fstat(STDIN_FILENO, &about) != 0 || (about.st_mode & S_IFMT) == 0) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("standard input is closed, expected ", what));
+  }
   const std::int64_t most = MostUnpackedBytes();
   std::string bytes;
   std::array<char, kBlock> block;

@@ -1,6 +1,7 @@
 #include "client/files/input_file.h"
 
 #include <fcntl.h>
+#include <sys/eventfd.h>
 #include <unistd.h>
 
 #include <string>
@@ -156,6 +157,15 @@ TEST_F(InputFileTest, StandardInputIsToldByItsContent) {
     ASSERT_THAT(loaded, IsOk()) << format;
     EXPECT_EQ(loaded->format, format);
   }
+}
+
+TEST_F(InputFileTest, AClosedStandardInputIsTold) {
+  const StandardInput input(folder_.Write("input", ""));
+  close(STDIN_FILENO);
+  EXPECT_THAT(ReadInput("-", "a mesh"), RefusedInput("is closed, expected a"));
+  // As a library leaves it that opens an event then.
+  ASSERT_EQ(eventfd(0, EFD_NONBLOCK), STDIN_FILENO);
+  EXPECT_THAT(ReadInput("-", "a mesh"), RefusedInput("is closed, expected a"));
 }
 
 TEST_F(InputFileTest, MapsComeFromStandardInputOnce) {
