@@ -17,6 +17,7 @@
 #include <utility>
 
 #include "absl/strings/ascii.h"
+#include "absl/strings/escaping.h"
 #include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
@@ -235,7 +236,7 @@ void SplitWordsInto(std::vector<absl::string_view>* words,
 
 std::string Quoted(absl::string_view word) {
   constexpr std::size_t kMostShown = 40;
-  return InQuotes(word.substr(0, kMostShown));
+  return InQuotes(absl::Utf8SafeCHexEscape(word.substr(0, kMostShown)));
 }
 
 void AppendNumber(double number, std::string* text) {

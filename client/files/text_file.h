@@ -77,7 +77,8 @@ void SplitWordsInto(std::vector<absl::string_view>* words,
                     absl::string_view line,
                     absl::string_view blanks = " \t\r\n");
 
-/// The word in quotes, cut short where it is long.
+/// The word in quotes, cut short where it is long; what a terminal would obey
+/// is written out.
 std::string Quoted(absl::string_view word);
 
 /// Appends the shortest text that reads back as the same number.

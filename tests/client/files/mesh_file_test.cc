@@ -267,6 +267,8 @@ TEST_F(MeshFileTest, OffFilesThatAreNoneAreRefused) {
   EXPECT_THAT(Error("a.off", "OFF\n"), Refused("number of vertices is ''"));
   EXPECT_THAT(Error("a.off", "OFF\n3 1 0\n0 0\n2 0 0\n0 3 0\n" + face),
               Refused("line 3: vertex 0 (0-based) has less than 3 numbers"));
+  EXPECT_THAT(Error("a.off", "OFF\n3 1 0\n\x1b[31m\a 0 0\n" + face),
+              Refused("'\\x1b[31m\\x07', expected a finite number"));
   EXPECT_THAT(Error("a.off", "OFF 3 1 0 0 0 0 2 0 0 0 3 0 3 0 1 2"),
               Refused("one a line"));
   EXPECT_THAT(Error("a.off", "OFF\n3 1 0\n" + points + "2 0 1\n"),
