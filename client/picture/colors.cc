@@ -111,7 +111,7 @@ Palette DistortionPalette() {
 
 std::vector<Rgb> PositionRgb(const Positions& positions,
                              const Eigen::AlignedBox3d& box) {
-  const Eigen::Vector3d low = box.min();
+  const Eigen::Vector3d& low = box.min();
   const Eigen::Vector3d extent = box.sizes();
   std::array<int, 3> axes;
   std::iota(axes.begin(), axes.end(), 0);
