@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "core/io/draco_mesh.h"
+#include "core/mesh/mesh_geometry.h"
 #include "draco/compression/expert_encode.h"
 #include "draco/core/encoder_buffer.h"
 #include "draco/mesh/mesh.h"
@@ -30,9 +31,8 @@ bool HasRepeatedCorner(const Faces& faces) {
 }
 
 bool EveryVertexIsOnAFace(const TriangleMesh& mesh) {
-  std::vector<bool> seen(mesh.num_vertices());
-  for (const VertexIndex corner : mesh.faces.reshaped()) seen[corner] = true;
-  return std::find(seen.begin(), seen.end(), false) == seen.end();
+  const std::vector<bool> on_face = VerticesOnFaces(mesh);
+  return std::find(on_face.begin(), on_face.end(), false) == on_face.end();
 }
 
 // Edgebreaker, which is small, drops vertices on no face and faces that repeat

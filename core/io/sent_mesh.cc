@@ -10,6 +10,7 @@
 
 #include "core/io/draco_mesh.h"
 #include "core/io/face_order.h"
+#include "core/mesh/mesh_geometry.h"
 
 namespace isomatch {
 namespace {
@@ -46,16 +47,12 @@ void SortFaces(VertexIndex end, Faces& faces) {
 }
 
 Eigen::RowVector3d SentOriginOf(const TriangleMesh& mesh) {
-  Eigen::RowVector3d low = mesh.positions.row(mesh.faces(0, 0));
-  Eigen::RowVector3d high = low;
-  for (const VertexIndex corner : mesh.faces.reshaped()) {
-    low = low.cwiseMin(mesh.positions.row(corner));
-    high = high.cwiseMax(mesh.positions.row(corner));
-  }
-  const double extent = (high - low).maxCoeff();
+  const Eigen::AlignedBox3d box = BoxOfFaces(mesh);
+  const double extent = box.sizes().maxCoeff();
   if (!(extent > 0)) return Eigen::RowVector3d::Zero();
   const double step = std::ldexp(1.0, std::ilogb(extent) + 4);
-  return ((0.5 * (low + high) / step).array() + 0.5).floor() * step;
+  const Eigen::Array3d middle = 0.5 * (box.min() + box.max()) / step;
+  return ((middle + 0.5).floor() * step).matrix().transpose();
 }
 
 }  // namespace isomatch

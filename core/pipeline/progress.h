@@ -71,7 +71,7 @@ struct StopTokens {
   std::stop_token hurry;
 };
 
-/// A stop that comes with either of them, which must outlive it.
+/// A stop that comes with either of them, while this lives.
 class EitherStop {
  public:
   explicit EitherStop(const StopTokens& tokens)

@@ -99,22 +99,26 @@ struct Request {
   const MatchControl& control;
 };
 
-/// Matches whole shapes, again where the map is torn, which is not reported.
+/// Matches whole shapes, again where the map is torn, which is not reported and
+/// leaves X as it is. Landmarks may want X mirrored, and are obeyed at once.
 absl::StatusOr<Correspondence> MatchWholes(const MatchInputs& inputs,
                                            ProgressReporter* reporter,
                                            const StopTokens& stops) {
+  if (!inputs.landmarks.empty()) return RunMatch(inputs, reporter, stops);
+  bool is_first = true;
   return MatchUntilNotTorn(
       inputs.options, stops,
       [&](const MatchOptions& options, const StopTokens& ends) {
+        if (std::exchange(is_first, false)) {
+          return RunMatch(inputs, reporter, ends);
+        }
         auto plan = StagePlan(options);
         std::erase_if(plan, [](const auto& stage) {
           return stage.first < Stage::kSeeds;  // both are prepared
         });
         ProgressReporter silent({}, std::move(plan));
-        ProgressReporter* const told = std::exchange(reporter, nullptr);
-        return RunMatch(
-            {inputs.x, inputs.own_x, inputs.y, inputs.landmarks, options},
-            told == nullptr ? &silent : told, ends);
+        return RunMatch({inputs.x, nullptr, inputs.y, {}, options}, &silent,
+                        ends);
       });
 }
 

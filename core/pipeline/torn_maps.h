@@ -14,8 +14,8 @@ bool IsTorn(const MapScores& scores);
 
 /// Matches with `options`; while the map is torn, up to twice more with the
 /// next random seeds, and returns the one that ranks best. Of some pairs the
-/// right map is among the candidates with some seeds only. A map that landmarks
-/// want mirrored is not looked for again, as X was changed for it.
+/// right map is among the candidates with some seeds only. A mirrored map is
+/// not looked for again, as X was changed for it.
 ///
 /// What a hurry leaves undone is as if it had not begun. Errors of the first
 /// match, and CANCELLED.
