@@ -120,8 +120,7 @@ absl::Status OutcomeOf(const v1::Job& job) {
 }
 
 IsomatchClient::IsomatchClient(const std::shared_ptr<grpc::Channel>& channel,
-                               absl::Duration patience,
-                               bool is_local)
+                               absl::Duration patience, bool is_local)
     : stub_(v1::CorrespondenceService::NewStub(channel)),
       patience_(patience),
       draco_{.is_local = is_local} {}

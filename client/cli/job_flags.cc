@@ -140,9 +140,10 @@ void AddJobFlags(CLI::App* command, JobOptions* options) {
       ->type_name("BYTES")
       ->default_str("none");
   command
-      ->add_option("--threads", options->threads,
-                   "Threads of each job, up to 1024; 0, or more than there are: "
-                   "all cores, or the server's share")
+      ->add_option(
+          "--threads", options->threads,
+          "Threads of each job, up to 1024; 0, or more than there are: "
+          "all cores, or the server's share")
       ->check(WholeNumber(0, kMostThreads))
       ->type_name("COUNT")
       ->capture_default_str();

@@ -64,9 +64,8 @@ std::string MapBytes(const std::string& path, const VertexMap& y_from_x,
   if (format != MapFormat::kPly) {
     return FormatMap(y_from_x, info.mesh_y().vertices(), format);
   }
-  const Colors colors = facts.colors_y
-                            ? *facts.colors_y
-                            : PositionColors(*facts.mesh_y);
+  const Colors colors =
+      facts.colors_y ? *facts.colors_y : PositionColors(*facts.mesh_y);
   return FormatMapPly(
       {*facts.mesh_x, *facts.mesh_y, y_from_x, colors, confidence});
 }

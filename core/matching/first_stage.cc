@@ -4,6 +4,7 @@
 #include <cassert>
 #include <cmath>
 #include <limits>
+#include <set>
 #include <tuple>
 #include <utility>
 
@@ -187,6 +188,21 @@ bool Distinct(const PointPool& pool_y, const Contender& a, const Contender& b,
   return moved > fraction * static_cast<double>(probes);
 }
 
+/// Drops contenders that have become what a better one is: from the same
+/// matches on they would hardly differ again.
+void DropRepeated(std::vector<Contender>* ranked) {
+  std::set<std::vector<PointMatch>> seen;
+  std::vector<Contender> kept;
+  for (Contender& contender : *ranked) {
+    std::vector<PointMatch> sorted = contender.matches;
+    std::sort(sorted.begin(), sorted.end());
+    if (seen.insert(std::move(sorted)).second) {
+      kept.push_back(std::move(contender));
+    }
+  }
+  *ranked = std::move(kept);
+}
+
 /// Keeps the best `keep` of the ranked contenders, but of those that send the
 /// shape to about the same place only a share, so that a symmetric image that
 /// happens to fit better at this size does not crowd out all else.
@@ -307,24 +323,37 @@ class RoundProgress {
     double contenders = static_cast<double>(seeds);
     double begin = 0;
     for (const SelectionRound& round : rounds) {
-      work_each_.push_back(double{1} * round.matches * round.matches - begin);
-      total_ += contenders * work_each_.back();
+      const double end = double{1} * round.matches * round.matches;
+      work_.push_back(contenders * (end - begin));
+      total_ += work_.back();
       contenders = std::min<double>(contenders, round.keep);
-      begin = double{1} * round.matches * round.matches;
+      begin = end;
     }
   }
 
-  void OneDone(std::size_t round) {
+  /// Begins the next round, of which there are that many contenders.
+  void BeginRound(std::size_t contenders) {
+    if (round_ >= 0) done_ += work_[round_];
+    ++round_;
+    contenders_ = static_cast<double>(contenders);
+    grown_ = 0;
+  }
+
+  void OneDone() {
     const MutexLock lock(mutex_);
-    done_ += work_each_[round];
-    if (report_) report_(std::min(1.0, done_ / total_));
+    ++grown_;
+    const double done = done_ + work_[round_] * grown_ / contenders_;
+    if (report_) report_(std::min(1.0, done / total_));
   }
 
  private:
   Mutex mutex_;
-  std::vector<double> work_each_;  ///< of a contender, by round
+  std::vector<double> work_;  ///< of a round, if as many are left as may be
   double total_ = 0;
-  double done_ = 0;
+  double done_ = 0;  ///< by earlier rounds
+  int round_ = -1;
+  double contenders_ = 0;
+  int grown_ = 0;
   const std::function<void(double)>& report_;
 };
 
@@ -401,8 +430,9 @@ absl::StatusOr<std::vector<RankedMap>> RunFirstStage(
                                 contender.seed * rounds.size() + r);
       GrowContender(input, options, {rounds[r].matches, stop}, random,
                     &contender);
-      round_progress.OneDone(r);
+      round_progress.OneDone();
     };
+    round_progress.BeginRound(contenders.size());
     ISOMATCH_RETURN_IF_ERROR(ParallelFor(
         static_cast<std::int64_t>(contenders.size()), stop, grow_one));
     if (!options.landmarks.empty()) {
@@ -414,6 +444,7 @@ absl::StatusOr<std::vector<RankedMap>> RunFirstStage(
       }
     }
     std::sort(contenders.begin(), contenders.end(), Better);
+    DropRepeated(&contenders);
     const std::size_t keep = rounds[r].keep;
     if (!last && !contenders.front().images.empty()) {
       KeepDiverse(input, keep, &contenders);

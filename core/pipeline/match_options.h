@@ -89,11 +89,12 @@ struct MatchOptions {
   int seed_points = 6;
   int seed_matches = 3;
   /// Seeds that start growing, best pairwise distances first; 0 for all.
-  int max_seeds = 1000;
-  /// How many competing maps survive, by increasing `matches`; the last round
-  /// keeps one, at `first_stage_matches`.
+  int max_seeds = 1500;
+  /// How many competing maps survive, by increasing `matches`, those that have
+  /// become the same counted once; the last round keeps one, at
+  /// `first_stage_matches`.
   std::vector<SelectionRound> selection_rounds = {
-      {12, 400}, {40, 60}, {80, 12}};
+      {12, 250}, {40, 60}, {80, 12}};
   Selection selection = Selection::kEmbeddingError;
   /// Competing maps with a negative orientation score come last from this many
   /// matches on; 0 switches the cue off. Not in the paper.

@@ -163,10 +163,32 @@ class SymmetricFirstStageTest : public FirstStageTest {
   }
 
   absl::StatusOr<std::vector<RankedMap>> RunOnBody() const {
+    return RunOnBody(GenerateSeeds(body_.pool(), finer_.pool(), {6, 3, 0}));
+  }
+
+  absl::StatusOr<std::vector<RankedMap>> RunOnBody(
+      const std::vector<Seed>& seeds) const {
     return RunFirstStage({body_.pool(), finer_.pool(), search_, search_,
                           body_.frames(), finer_.frames()},
-                         GenerateSeeds(body_.pool(), finer_.pool(), {6, 3, 0}),
-                         options_, {}, {});
+                         seeds, options_, {}, {});
+  }
+
+  /// Ten matches of the identity, and as many of the reflection.
+  std::vector<Seed> OneOfEachSide() const {
+    std::vector<Seed> seeds(2);
+    for (int x = 0; x < 10; ++x) {
+      Eigen::RowVector3d image = body_.frames().positions.row(x);
+      for (Seed& seed : seeds) {
+        Eigen::Index y;
+        (finer_.frames().positions.rowwise() - image)
+            .rowwise()
+            .norm()
+            .minCoeff(&y);
+        seed.push_back({x, static_cast<int>(y)});
+        image[2] *= -1;
+      }
+    }
+    return seeds;
   }
 
   double Orientation(const RankedMap& map) const {
@@ -183,6 +205,20 @@ TEST_F(SymmetricFirstStageTest, BothSidesComeBackAsDistinctMaps) {
   ASSERT_EQ(maps->size(), 2u);
   EXPECT_LT(Orientation((*maps)[0]) * Orientation((*maps)[1]), -0.5);
   EXPECT_LE((*maps)[0].badness, (*maps)[1].badness);
+}
+
+TEST_F(SymmetricFirstStageTest, ASeedThatIsThereTwiceCountsOnce) {
+  const std::vector<Seed> seeds = OneOfEachSide();
+  options_.rounds = {{12, 2}};
+  options_.swapping = Swapping::kNone;
+  for (const std::vector<Seed>& some :
+       {std::vector<Seed>{seeds[0], seeds[0], seeds[0], seeds[1]},
+        std::vector<Seed>{seeds[1], seeds[1], seeds[1], seeds[0]}}) {
+    const auto maps = RunOnBody(some);
+    ASSERT_THAT(maps, IsOk());
+    ASSERT_EQ(maps->size(), 2u) << "copies of one crowd the other out";
+    EXPECT_LT(Orientation((*maps)[0]) * Orientation((*maps)[1]), -0.5);
+  }
 }
 
 TEST_F(SymmetricFirstStageTest, MirroredRegionsAreGrownAnew) {

@@ -131,7 +131,8 @@ TEST_F(DecimateLargeTest, IsTheSameAtAnyThreadCount) {
 }
 
 TEST_F(DecimateLargeTest, LeavesAsManyAsAreAskedFor) {
-  EXPECT_NEAR(Decimate(sphere_, 120'000, {})->mesh.num_vertices(), 120'000, 2'400);
+  EXPECT_NEAR(Decimate(sphere_, 120'000, {})->mesh.num_vertices(), 120'000,
+              2'400);
 }
 
 TEST_F(DecimateLargeTest, IsCancelled) {

@@ -9,6 +9,7 @@
 
 #include <gtest/gtest.h>
 
+#include "absl/algorithm/container.h"
 #include "core/base/random_stream.h"
 #include "core/pipeline/matcher.h"
 #include "core/pipeline/preparation.h"
@@ -108,8 +109,12 @@ class CandidateChoiceTest : public testing::Test {
     const auto found = Match(poses_.x, poses_.y, {}, options_);
     ASSERT_THAT(found, IsOk());
     ASSERT_FALSE(found->alternatives.empty());
-    // The half turn: it keeps orientation, and nearly all distances.
-    loser_ = found->alternatives[0].y_from_x;
+    // The half turn: it keeps orientation, and nearly all distances, but is
+    // farther from the truth than any other.
+    loser_ = absl::c_max_element(found->alternatives, [&](const auto& a,
+                                                          const auto& b) {
+               return poses_.ErrorOf(a.y_from_x) < poses_.ErrorOf(b.y_from_x);
+             })->y_from_x;
     ProgressReporter progress({}, StagePlan(options_));
     ASSERT_THAT(
         PrepareMeshes({MeshToPrepare{Clean(poses_.x, {}).value(), "mesh_x"},
