@@ -191,10 +191,11 @@ bool Distinct(const PointPool& pool_y, const Contender& a, const Contender& b,
 /// Drops contenders that have become what a better one is: from the same
 /// matches on they would hardly differ again.
 void DropRepeated(std::vector<Contender>* ranked) {
-  std::set<std::vector<PointMatch>> seen;
+  std::set<std::vector<std::pair<int, int>>> seen;
   std::vector<Contender> kept;
   for (Contender& contender : *ranked) {
-    std::vector<PointMatch> sorted = contender.matches;
+    std::vector<std::pair<int, int>> sorted;
+    for (const auto& [x, y] : contender.matches) sorted.emplace_back(x, y);
     std::sort(sorted.begin(), sorted.end());
     if (seen.insert(std::move(sorted)).second) {
       kept.push_back(std::move(contender));

@@ -18,7 +18,7 @@ inline Side Other(Side side) { return side == kX ? kY : kX; }
 struct PointMatch {
   int x;
   int y;
-  auto operator<=>(const PointMatch&) const = default;
+  bool operator==(const PointMatch&) const = default;
 };
 
 /// What speaks against matching single points, whatever else is matched.
