@@ -28,15 +28,6 @@ constexpr VertexIndex kVerticesPerTask = 256;
 /// A 3 x 3 matrix of each lane, column by column.
 using LaneMatrix = std::array<LaneVector, 3>;
 
-/// The rotation R that maximizes trace(R^T covariance).
-Eigen::Matrix3d BestRotation(const Eigen::Matrix3d& covariance) {
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(
-      covariance, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  Eigen::Matrix3d left = svd.matrixU();
-  if ((left * svd.matrixV().transpose()).determinant() < 0) left.col(2) *= -1;
-  return left * svd.matrixV().transpose();
-}
-
 /// Turns by the unit quaternion along (1, axis / 2): nearly by the length of
 /// `axis`, and small angles exactly.
 void Turn(const LaneVector& axis, Lanes squared_length, LaneMatrix* rotation) {
@@ -84,6 +75,14 @@ void TurnTowardBest(const LaneMatrix& covariance, int turns,
 }
 
 }  // namespace
+
+Eigen::Matrix3d BestRotation(const Eigen::Matrix3d& covariance) {
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(
+      covariance, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  Eigen::Matrix3d left = svd.matrixU();
+  if ((left * svd.matrixV().transpose()).determinant() < 0) left.col(2) *= -1;
+  return left * svd.matrixV().transpose();
+}
 
 DeformableSurface::DeformableSurface(const TriangleMesh& mesh,
                                      const CotanLaplacian& laplacian)

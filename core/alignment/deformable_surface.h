@@ -13,6 +13,9 @@
 
 namespace isomatch {
 
+/// The rotation R that maximizes trace(R^T covariance).
+Eigen::Matrix3d BestRotation(const Eigen::Matrix3d& covariance);
+
 /// A surface that bends freely and resists stretching: the as-rigid-as-possible
 /// energy (Sorkine, Alexa 2007, Eq. 3)
 ///

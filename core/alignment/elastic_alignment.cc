@@ -34,37 +34,75 @@ ElasticAlignment::ElasticAlignment(const AlignmentShape& shape_x,
       options_(options),
       basis_(std::min<Eigen::Index>(
           {options.basis, shape_x.functions.rows(), shape_y.functions.rows()})),
-      surface_(shape_x.mesh, shape_x.laplacian),
-      faces_y_(FacesAroundVertices(shape_y.mesh, shape_y.stars)),
-      aligned_(shape_x.mesh),
+      surface_(bending().mesh, bending().laplacian),
+      faces_y_(options.bend_y
+                   ? std::vector<FaceLanes>()
+                   : FacesAroundVertices(shape_y.mesh, shape_y.stars)),
+      bent_(bending().mesh),
       y_from_x_(std::move(y_from_x)),
       fixed_(shape_x.mesh.num_vertices(), kNoVertex),
       points_(shape_x.mesh.num_vertices()),
-      targets_(y_.mesh.positions(y_from_x_, Eigen::all)),
-      pull_(shape_x.laplacian.mass),
       features_x_(basis_ + 6, shape_x.mesh.num_vertices()),
       features_y_(basis_ + 6, shape_y.mesh.num_vertices()) {
-  aligned_.positions = targets_;
-  const auto weight = static_cast<float>(options_.spectral_weight);
-  (options_.carry_x ? features_y_ : features_x_).topRows(basis_) =
-      weight * (options_.carry_x ? y_ : x_).functions.topRows(basis_);
-  features_y_.middleRows(basis_, 3) =
-      y_.mesh.positions.transpose().cast<float>();
-  features_y_.bottomRows(3) =
-      (options_.normal_weight * y_.normals.transpose()).cast<float>();
+  const AlignmentShape& resting = options_.bend_y ? x_ : y_;
+  PointColumns& features = options_.bend_y ? features_x_ : features_y_;
+  features.middleRows(basis_, 3) =
+      resting.mesh.positions.transpose().cast<float>();
+  features.bottomRows(3) =
+      (options_.normal_weight * resting.normals.transpose()).cast<float>();
+  (options_.bend_y ? features_y_ : features_x_).topRows(basis_) =
+      static_cast<float>(options_.spectral_weight) *
+      bending().functions.topRows(basis_);
+  if (options_.bend_y) {
+    StartY();
+  } else {
+    StartX();
+  }
+}
+
+void ElasticAlignment::StartX() {
+  targets_ = y_.mesh.positions(y_from_x_, Eigen::all);
+  pull_ = x_.laplacian.mass;
+  bent_.positions = targets_;
+}
+
+/// Y as it is, moved rigidly to where the images lie best on X.
+void ElasticAlignment::StartY() {
+  const Eigen::VectorXd& mass = x_.laplacian.mass;
+  const Positions images = y_.mesh.positions(y_from_x_, Eigen::all);
+  const Eigen::RowVector3d center_x =
+      mass.transpose() * x_.mesh.positions / mass.sum();
+  const Eigen::RowVector3d center_y = mass.transpose() * images / mass.sum();
+  const Eigen::Matrix3d rotation =
+      BestRotation((x_.mesh.positions.rowwise() - center_x).transpose() *
+                   mass.asDiagonal() * (images.rowwise() - center_y));
+  bent_.positions =
+      ((y_.mesh.positions.rowwise() - center_y) * rotation.transpose())
+          .rowwise() +
+      center_x;
+  for (VertexIndex x = 0; x < x_.mesh.num_vertices(); ++x) {
+    points_[x] = NearestPoint(x, bent_.positions.row(y_from_x_[x]));
+  }
+  TargetsOfY(0);
 }
 
 void ElasticAlignment::Fix(absl::Span<const VertexMatch> landmarks) {
   for (const VertexMatch& landmark : landmarks) {
     fixed_[landmark.x] = landmark.y;
     y_from_x_[landmark.x] = landmark.y;
-    targets_.row(landmark.x) = y_.mesh.positions.row(landmark.y);
-    pull_[landmark.x] = kLandmarkPull * x_.laplacian.mass[landmark.x];
+    if (options_.bend_y) {
+      points_[landmark.x] =
+          NearestPoint(landmark.x, bent_.positions.row(landmark.y));
+    } else {
+      targets_.row(landmark.x) = y_.mesh.positions.row(landmark.y);
+      pull_[landmark.x] = kLandmarkPull * x_.laplacian.mass[landmark.x];
+    }
   }
+  if (options_.bend_y) TargetsOfY(kOverrelaxation);
 }
 
 void ElasticAlignment::DescribeFunctions() {
-  if (options_.carry_x) {
+  if (options_.bend_y) {
     const Eigen::MatrixXf y_from_x =
         DenseFunctionalMap(x_.functions.topRows(basis_), x_.laplacian.mass,
                            features_y_.topRows(basis_), y_from_x_);
@@ -80,11 +118,11 @@ void ElasticAlignment::DescribeFunctions() {
             features_y_.topRows(basis_));
 }
 
-void ElasticAlignment::DescribeX() {
-  normals_ = VertexNormals(aligned_);
-  features_x_.middleRows(basis_, 3) =
-      aligned_.positions.transpose().cast<float>();
-  features_x_.bottomRows(3) =
+void ElasticAlignment::DescribeBent() {
+  normals_ = VertexNormals(bent_);
+  PointColumns& features = options_.bend_y ? features_y_ : features_x_;
+  features.middleRows(basis_, 3) = bent_.positions.transpose().cast<float>();
+  features.bottomRows(3) =
       (options_.normal_weight * normals_.transpose()).cast<float>();
 }
 
@@ -99,18 +137,59 @@ absl::Status ElasticAlignment::FindAlike(const std::stop_token& stop) {
   return absl::OkStatus();
 }
 
+SurfacePoint ElasticAlignment::NearestPoint(
+    VertexIndex x, const Eigen::RowVector3d& position) const {
+  const VertexIndex y = y_from_x_[x];
+  return options_.bend_y
+             ? NearestOnFaces(bent_, y_.stars.SomeFaces(y), position)
+             : faces_y_[y].Nearest(position);
+}
+
 absl::Status ElasticAlignment::FindPoints(const std::stop_token& stop) {
-  return ParallelForVertices(x_.mesh.num_vertices(), stop, [&](VertexIndex x) {
-    const bool fixed = fixed_[x] != kNoVertex;
-    const Eigen::RowVector3d aligned = aligned_.positions.row(x);
-    const Eigen::RowVector3d wanted =
-        fixed ? Eigen::RowVector3d(y_.mesh.positions.row(fixed_[x])) : aligned;
-    points_[x] = faces_y_[y_from_x_[x]].Nearest(wanted);
+  ISOMATCH_RETURN_IF_ERROR(
+      ParallelForVertices(x_.mesh.num_vertices(), stop, [&](VertexIndex x) {
+        points_[x] = NearestPoint(
+            x, fixed_[x] != kNoVertex
+                   ? Eigen::RowVector3d(laid_y().positions.row(fixed_[x]))
+                   : Eigen::RowVector3d(laid_x().positions.row(x)));
+      }));
+  if (options_.bend_y) {
+    TargetsOfY(kOverrelaxation);
+  } else {
+    TargetsOfX();
+  }
+  return absl::OkStatus();
+}
+
+void ElasticAlignment::TargetsOfX() {
+  for (VertexIndex x = 0; x < x_.mesh.num_vertices(); ++x) {
     targets_.row(x) = PositionOf(y_.mesh, points_[x]);
-    if (!fixed) {
-      targets_.row(x) += kOverrelaxation * (targets_.row(x) - aligned);
+    if (fixed_[x] == kNoVertex) {
+      targets_.row(x) +=
+          kOverrelaxation * (targets_.row(x) - bent_.positions.row(x));
     }
-  });
+  }
+}
+
+/// Each point of Y pulls the corners of its face its own way.
+void ElasticAlignment::TargetsOfY(double overrelaxation) {
+  pull_ = kUnmatchedPull * y_.laplacian.mass;
+  targets_ = pull_.asDiagonal() * bent_.positions;
+  for (VertexIndex x = 0; x < x_.mesh.num_vertices(); ++x) {
+    const SurfacePoint& point = points_[x];
+    const bool fixed = fixed_[x] != kNoVertex;
+    const Eigen::RowVector3d way =
+        (1 + (fixed ? 0 : overrelaxation)) *
+        (x_.mesh.positions.row(x) - PositionOf(bent_, point));
+    const double pull = x_.laplacian.mass[x] * (fixed ? kLandmarkPull : 1);
+    for (int corner = 0; corner < 3; ++corner) {
+      const VertexIndex y = y_.mesh.faces(point.face, corner);
+      const double share = pull * point.weights[corner];
+      pull_[y] += share;
+      targets_.row(y) += share * (bent_.positions.row(y) + way);
+    }
+  }
+  targets_.array().colwise() /= pull_.array();
 }
 
 void ElasticAlignment::SetMatched(std::vector<char> matched) {
@@ -124,25 +203,26 @@ void ElasticAlignment::SetMatched(std::vector<char> matched) {
 absl::Status ElasticAlignment::Settle(double stiffness, int steps,
                                       const std::stop_token& stop) {
   ISOMATCH_RETURN_IF_ERROR(surface_.SetPull(pull_, stiffness));
-  return PullX(steps, stop);
+  return Pull(steps, stop);
 }
 
-absl::Status ElasticAlignment::PullX(int steps, const std::stop_token& stop) {
+absl::Status ElasticAlignment::Pull(int steps, const std::stop_token& stop) {
   for (int step = 0; step < steps; ++step) {
-    ISOMATCH_RETURN_IF_ERROR(
-        surface_.Step(targets_, stop, &aligned_.positions));
+    ISOMATCH_RETURN_IF_ERROR(surface_.Step(targets_, stop, &bent_.positions));
   }
   return absl::OkStatus();
 }
 
 absl::Status ElasticAlignment::Run(double stiffness, int rounds,
                                    const std::stop_token& stop) {
-  ISOMATCH_RETURN_IF_ERROR(surface_.SetPull(pull_, stiffness));
   for (int round = 0; round < rounds; ++round) {
-    ISOMATCH_RETURN_IF_ERROR(PullX(kStepsPerRound, stop));
-    DescribeX();
-    // At one stiffness the functional map hardly changes, but for parts.
-    if (round == 0 || options_.carry_x) DescribeFunctions();
+    // What pulls Y changes with the map; at one stiffness the functional map of
+    // whole shapes hardly does.
+    const bool changed = round == 0 || options_.bend_y;
+    if (changed) ISOMATCH_RETURN_IF_ERROR(surface_.SetPull(pull_, stiffness));
+    ISOMATCH_RETURN_IF_ERROR(Pull(kStepsPerRound, stop));
+    DescribeBent();
+    if (changed) DescribeFunctions();
     ISOMATCH_RETURN_IF_ERROR(FindAlike(stop));
     ISOMATCH_RETURN_IF_ERROR(FindPoints(stop));
   }
@@ -165,11 +245,13 @@ absl::StatusOr<std::vector<SurfacePoint>> ElasticAlignment::PrecisePoints(
 }
 
 double ElasticAlignment::Residual(VertexIndex x) const {
-  return (aligned_.positions.row(x) - PositionOf(y_.mesh, points_[x])).norm();
+  return (laid_x().positions.row(x) - PositionOf(laid_y(), points_[x])).norm();
 }
 
 double ElasticAlignment::NormalMismatch(VertexIndex x) const {
-  return 1 - normals_.row(x).dot(y_.normals.row(y_from_x_[x]));
+  const Positions& of_x = options_.bend_y ? x_.normals : normals_;
+  const Positions& of_y = options_.bend_y ? normals_ : y_.normals;
+  return 1 - of_x.row(x).dot(of_y.row(y_from_x_[x]));
 }
 
 AlignmentScore ElasticAlignment::Score() const {
@@ -182,7 +264,7 @@ AlignmentScore ElasticAlignment::Score() const {
     if (!matched_.empty()) matched_mass += mass[x];
   }
   score.normal_mismatch /= matched_mass;
-  score.stretch = surface_.Energy(aligned_.positions) / mass.sum();
+  score.stretch = surface_.Energy(bent_.positions) / mass.sum();
   return score;
 }
 

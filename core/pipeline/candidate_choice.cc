@@ -36,8 +36,6 @@ constexpr std::int64_t kOffsetEvery = 3;
 /// How far from its image a vertex of a part has its most alike one, at first,
 /// sqrt(area).
 constexpr double kAlikeReach = 0.03;
-/// Below this, a misfit is rounding.
-constexpr double kPerfectFit = 1e-4;
 /// Of overlaps: how far a vertex may lie from its counterpart at first, and at
 /// last, sqrt(area); steps of the surface once it is known which are pulled.
 constexpr double kFirstTolerance = 0.1;
@@ -52,8 +50,6 @@ constexpr double kLeastWorth = 1e-6;
 /// sqrt(area).
 constexpr double kLeastDistortion = 1e-3;
 constexpr double kDoublingBorder = 5;
-/// Stands for a misfit that is not finite: X cannot be laid on Y at all.
-constexpr double kNoFit = 1e6;
 
 AlignmentShape ShapeOf(const PreparedMesh& prepared,
                        const PointColumns& functions) {
@@ -89,7 +85,7 @@ CandidateChoice::CandidateChoice(const PreparedMesh& x, const PreparedMesh& y,
             is_part() ? kFacing : ShotBall().least_cosine},
       descriptors_{&x.descriptors, &y.descriptors},
       prepared_radii_{x.descriptor_radius, y.descriptor_radius} {
-  if (is_part()) rule_.emplace(x, y, stop_);
+  if (masks()) rule_.emplace(x, y, stop_);
 }
 
 /// Describes anew, with the larger radius, the mesh that was prepared with a
@@ -259,29 +255,14 @@ absl::Status CandidateChoice::Judge(const ElasticAlignment& alignment,
     scores->normal_mismatch = score.normal_mismatch;
     return JudgeOverlap(alignment, scores);
   }
-  double misfit = score.stretch;
-  if (oriented_) {
-    scores->normal_mismatch = misfit = score.normal_mismatch;
-  }
+  if (oriented_) scores->normal_mismatch = score.normal_mismatch;
   if (described()) {
     ISOMATCH_ASSIGN_OR_RETURN(
         scores->descriptor_mismatch,
         DescriptorMismatch(*descriptors_[kX], surface_y_, alignment.y_from_x(),
                            ball_, stop_));
-    misfit *= scores->descriptor_mismatch;
   }
-  if (!rule_) {
-    scores->rank_value = MisfitOf(*candidate, oriented_, options_);
-    return absl::OkStatus();
-  }
-  if (!std::isfinite(misfit)) misfit = kNoFit;
-  misfit = std::max(misfit, kPerfectFit);
-  // Values of maps that grew in two ways do not compare.
-  ISOMATCH_ASSIGN_OR_RETURN(const OverlapMisfit overlap,
-                            rule_->Misfit(alignment));
-  scores->rank_value = std::max(overlap.distortion, kLeastDistortion) *
-                       LandmarkPenalty(scores->landmark_contradiction) *
-                       misfit * misfit;
+  scores->rank_value = MisfitOf(*candidate, oriented_, options_);
   return absl::OkStatus();
 }
 
@@ -315,7 +296,7 @@ absl::Status CandidateChoice::JudgeOverlap(const ElasticAlignment& alignment,
 AlignmentOptions CandidateChoice::HowAligned() const {
   AlignmentOptions options;
   options.basis = options_.alignment_basis;
-  options.carry_x = is_part();
+  options.bend_y = is_part() && !masks();
   if (!oriented_) options.normal_weight = 0;
   if (masks()) {
     // Eigenfunctions of parts differ.
@@ -331,6 +312,8 @@ absl::StatusOr<std::unique_ptr<ElasticAlignment>> CandidateChoice::LayOut(
                                                       candidate.y_from_x);
   if (masks()) {
     alignment->SetMatched(rule_->NearMatches(candidate.sparse));
+  }
+  if (is_part()) {
     ISOMATCH_RETURN_IF_ERROR(alignment->Settle(
         options_.alignment_stiffness_first, kFirstSteps, stop_));
   }

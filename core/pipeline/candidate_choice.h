@@ -31,15 +31,14 @@ class CandidateChoice {
                   const MatchOptions& options, const StopTokens& stops);
 
   /// Refines every candidate's dense map and lays it out by the first rounds of
-  /// the elastic alignment; completes the scores, sorts by the rank value, and
-  /// returns the alignment of the best. The rank value of a whole map is
-  /// MisfitOf, of a part the distortion times the squared mismatches of normals
-  /// and descriptors; a map that is far behind after two rounds, and no image
-  /// of the leading one by a symmetry, is given up: its scores are those of
-  /// then, its rank value a bound. Where both shapes are parts none is given
-  /// up, and it is found which vertices are matched: the rank value of the
-  /// first stage is divided by their area, of which unlike places count less,
-  /// and multiplied by what CounterpartRule::Misfit says.
+  /// the elastic alignment; completes the scores, sorts by the rank value,
+  /// MisfitOf, and returns the alignment of the best. A map that is far behind
+  /// after two rounds, and no image of the leading one by a symmetry, is given
+  /// up: its scores are those of then, its rank value a bound. Where both
+  /// shapes are parts none is given up, and it is found which vertices are
+  /// matched: the rank value of the first stage is divided by their area, of
+  /// which unlike places count less, and multiplied by what
+  /// CounterpartRule::Misfit says.
   ///
   /// Once stops.hurry was requested, candidates that are not judged yet are
   /// removed, but for the first one, which stays as it is: a dense map, and
@@ -113,7 +112,7 @@ class CandidateChoice {
   const std::array<double, 2> prepared_radii_;
   std::array<ShapeDescriptors, 2> own_;
   std::optional<DescribedPair> compared_;  ///< descriptors_, once needed
-  std::optional<CounterpartRule> rule_;    ///< of parts
+  std::optional<CounterpartRule> rule_;    ///< of overlaps
 };
 
 }  // namespace isomatch

@@ -42,6 +42,12 @@ double MisfitOf(const Candidate& candidate, bool oriented,
         std::isfinite(sign) ? std::max(sign, kPerfectSign) : kEndlessSign;
     misfit *= std::pow(factor, power);
   };
+  if (options.relation != Relation::kWhole) {
+    multiply(scores.stretch, 1);
+    if (oriented) multiply(scores.normal_mismatch, 1);
+    multiply(scores.descriptor_mismatch, 1);
+    return misfit;
+  }
   multiply(scores.curvature_mismatch, 2 * options.curvature_weight);
   multiply(candidate.dense_mismatch, 4);
   multiply(candidate.first_signs.stretch, 1);

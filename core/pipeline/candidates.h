@@ -40,7 +40,8 @@ struct Candidate {
 /// surfaces are not oriented, the stretch after those in place of the normals.
 /// How well sparse matches keep distances (Eq. 8) is not in it: among maps that
 /// came so far it tells nothing more (core/EXPERIMENTS.md, "Choice among
-/// distinct maps"). Not in the paper.
+/// distinct maps"). Of a part the stretch of Y x normals x descriptors, all
+/// after the judged rounds. Not in the paper.
 double MisfitOf(const Candidate& candidate, bool oriented,
                 const MatchOptions& options);
 

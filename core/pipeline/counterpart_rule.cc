@@ -117,8 +117,7 @@ absl::StatusOr<OverlapMisfit> CounterpartRule::Misfit(
         from_x_, BasisPoints::Create(solver_x_, std::move(all), nullptr, stop_,
                                      kFieldChange));
   }
-  std::vector<char> matched = alignment.matched();
-  if (matched.empty()) matched.assign(n, true);
+  const std::vector<char>& matched = alignment.matched();
   const VertexMap& y_from_x = alignment.y_from_x();
   std::vector<int> sources;  // of from_x_
   std::vector<VertexIndex> images;
@@ -145,7 +144,7 @@ absl::StatusOr<OverlapMisfit> CounterpartRule::Misfit(
     }
     if (compared > 0) misfit.distortion /= static_cast<double>(compared);
   }
-  if (!alignment.matched().empty()) misfit.open_border = OpenBorder(alignment);
+  misfit.open_border = OpenBorder(alignment);
   return misfit;
 }
 

@@ -42,7 +42,7 @@ class CounterpartRule {
   std::vector<char> Matched(const ElasticAlignment& alignment,
                             double tolerance) const;
 
-  /// Of alignment.matched(), which of a part is all. CANCELLED after the token
+  /// Of alignment.matched(), which is not empty. CANCELLED after the token
   /// given first.
   absl::StatusOr<OverlapMisfit> Misfit(const ElasticAlignment& alignment);
 

@@ -89,6 +89,9 @@ Verdict Bad(const Correspondence& found) {
     bad.advice =
         "look for faces that do not hang together, and weld vertices that lie "
         "side by side";
+    if (found.relation != Relation::kWhole) {
+      absl::StrAppend(&bad.advice, "; ", Check(found.relation));
+    }
   } else if (!IsCovered(found)) {
     absl::StrAppend(&bad.reason, ", ", Uncovered(found));
     bad.advice =

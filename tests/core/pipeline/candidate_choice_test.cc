@@ -67,6 +67,17 @@ TEST(MisfitOfTest, WithoutOrientationTheStretchStandsForNormals) {
               2, 1e-9);
 }
 
+TEST(MisfitOfTest, OfAPartTheStretchOfTheWholeCounts) {
+  MatchOptions options;
+  options.relation = Relation::kPartOfY;
+  Candidate part = WithSigns(1);
+  part.scores.stretch = 0.2;
+  EXPECT_NEAR(MisfitOf(part, true, options), 0.2 * 0.03 * 0.4, 1e-12);
+  EXPECT_NEAR(MisfitOf(part, false, options), 0.2 * 0.4, 1e-12);
+  part.scores.landmark_contradiction = 1;
+  EXPECT_GT(MisfitOf(part, true, options), 2 * 0.2 * 0.03 * 0.4);
+}
+
 TEST(IsFarBehindTest, TwoSignsHaveToSaySoEachAlone) {
   const FirstSigns leading = {0.05, 0.06, 0.02};
   EXPECT_TRUE(IsFarBehind({0.15, 0.12, 0.04}, leading));
