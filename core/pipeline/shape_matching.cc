@@ -179,7 +179,7 @@ absl::StatusOr<Correspondence> MatchInOneUnit(const MatchInputs& inputs,
       reporter, stops);
 }
 
-/// Of parts the smaller one, as far as it is known, is laid on the other.
+/// Of parts the smaller one, as far as it is known, is mapped to the other.
 absl::StatusOr<Correspondence> MatchPart(const MatchInputs& inputs,
                                          ProgressReporter* reporter,
                                          const StopTokens& stops) {
