@@ -83,7 +83,7 @@ void ElasticAlignment::StartY() {
   for (VertexIndex x = 0; x < x_.mesh.num_vertices(); ++x) {
     points_[x] = NearestPoint(x, bent_.positions.row(y_from_x_[x]));
   }
-  TargetsOfY(0);
+  SetTargetsOfY(0);
 }
 
 void ElasticAlignment::Fix(absl::Span<const VertexMatch> landmarks) {
@@ -98,7 +98,7 @@ void ElasticAlignment::Fix(absl::Span<const VertexMatch> landmarks) {
       pull_[landmark.x] = kLandmarkPull * x_.laplacian.mass[landmark.x];
     }
   }
-  if (options_.bend_y) TargetsOfY(kOverrelaxation);
+  if (options_.bend_y) SetTargetsOfY(kOverrelaxation);
 }
 
 void ElasticAlignment::DescribeFunctions() {
@@ -152,27 +152,22 @@ absl::Status ElasticAlignment::FindPoints(const std::stop_token& stop) {
             x, fixed_[x] != kNoVertex
                    ? Eigen::RowVector3d(laid_y().positions.row(fixed_[x]))
                    : Eigen::RowVector3d(laid_x().positions.row(x)));
+        if (!options_.bend_y) SetTargetOfX(x);
       }));
-  if (options_.bend_y) {
-    TargetsOfY(kOverrelaxation);
-  } else {
-    TargetsOfX();
-  }
+  if (options_.bend_y) SetTargetsOfY(kOverrelaxation);
   return absl::OkStatus();
 }
 
-void ElasticAlignment::TargetsOfX() {
-  for (VertexIndex x = 0; x < x_.mesh.num_vertices(); ++x) {
-    targets_.row(x) = PositionOf(y_.mesh, points_[x]);
-    if (fixed_[x] == kNoVertex) {
-      targets_.row(x) +=
-          kOverrelaxation * (targets_.row(x) - bent_.positions.row(x));
-    }
+void ElasticAlignment::SetTargetOfX(VertexIndex x) {
+  targets_.row(x) = PositionOf(y_.mesh, points_[x]);
+  if (fixed_[x] == kNoVertex) {
+    targets_.row(x) +=
+        kOverrelaxation * (targets_.row(x) - bent_.positions.row(x));
   }
 }
 
 /// Each point of Y pulls the corners of its face its own way.
-void ElasticAlignment::TargetsOfY(double overrelaxation) {
+void ElasticAlignment::SetTargetsOfY(double overrelaxation) {
   pull_ = kUnmatchedPull * y_.laplacian.mass;
   targets_ = pull_.asDiagonal() * bent_.positions;
   for (VertexIndex x = 0; x < x_.mesh.num_vertices(); ++x) {

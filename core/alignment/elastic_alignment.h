@@ -124,8 +124,8 @@ class ElasticAlignment {
   absl::Status FindPoints(const std::stop_token& stop);
   SurfacePoint NearestPoint(VertexIndex x,
                             const Eigen::RowVector3d& position) const;
-  void TargetsOfX();
-  void TargetsOfY(double overrelaxation);
+  void SetTargetOfX(VertexIndex x);
+  void SetTargetsOfY(double overrelaxation);
 
   const AlignmentShape x_;
   const AlignmentShape y_;

@@ -40,8 +40,10 @@ constexpr double kAlikeReach = 0.03;
 /// last, sqrt(area); steps of the surface once it is known which are pulled.
 constexpr double kFirstTolerance = 0.1;
 constexpr double kLastTolerance = 0.03;
-constexpr int kFirstSteps = 30;
 constexpr int kNextSteps = 6;
+/// Of parts: steps of the surface that is bent, which begins with vertices that
+/// nothing pulls, before it is matched anew.
+constexpr int kFirstSteps = 30;
 /// What matched area is worth, less how unlike it is: squared difference of
 /// descriptors and 1 - cosine between normals.
 constexpr double kWorth = 1.1;

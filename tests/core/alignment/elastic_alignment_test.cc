@@ -36,6 +36,16 @@ struct Prepared {
   VertexStars stars;
 };
 
+/// A part of `whole`, in the unit in which that has area 1.
+Prepared InUnitOf(const TriangleMesh& whole, const TriangleMesh& part) {
+  Prepared prepared(part);
+  const double scale = std::sqrt(SurfaceArea(part) / SurfaceArea(whole));
+  prepared.mesh.positions *= scale;
+  prepared.laplacian.mass *= scale * scale;
+  prepared.functions /= static_cast<float>(scale);
+  return prepared;
+}
+
 /// `mesh` bent around an axis: nearly isometric, differently posed.
 TriangleMesh Bent(TriangleMesh mesh) {
   for (Eigen::Index v = 0; v < mesh.positions.rows(); ++v) {
@@ -111,6 +121,36 @@ TEST_F(ElasticAlignmentTest, EitherShapeCanBeBent) {
   EXPECT_LT(residual / x_.mesh.num_vertices(), 0.1 * MeanEdgeLength(y_.mesh));
 }
 
+TEST_F(ElasticAlignmentTest, APartIsFoundWhereTheWholeIsBent) {
+  const TriangleMesh body = FiveArms(3);
+  const DirtyMesh part = WithoutLoneVertices(
+      WithoutFaces(Untouched(body), Beyond({1, 0, 0}, 0.2)));
+  const Prepared y(Bent(body));
+  const Prepared x = InUnitOf(body, part.mesh);
+  VertexMap noisy;
+  RandomStream random(1, 1);
+  for (const VertexIndex v : part.origin) {
+    const auto near = y.stars.Neighbors(v);
+    noisy.push_back(near[random.Below(static_cast<int>(near.size()))]);
+  }
+  options_.bend_y = true;
+  ElasticAlignment alignment(x.shape(), y.shape(), options_, noisy);
+  ASSERT_THAT(alignment.Settle(0.03, 30, {}), IsOk());
+  for (const double stiffness : {0.03, 0.01, 0.003}) {
+    ASSERT_THAT(alignment.Run(stiffness, 4, {}), IsOk());
+  }
+  const auto points = alignment.PrecisePoints({});
+  ASSERT_THAT(points, IsOk());
+  double offset = 0;
+  for (std::size_t v = 0; v < noisy.size(); ++v) {
+    offset += (PositionOf(y.mesh, (*points)[v]) -
+               y.mesh.positions.row(part.origin[v]))
+                  .norm();
+  }
+  EXPECT_LT(offset / static_cast<double>(noisy.size()),
+            0.4 * MeanEdgeLength(y.mesh));
+}
+
 TEST_F(ElasticAlignmentTest, TheWholeTellsWherePiecesOfAPartDoNotBelong) {
   // X is the body with a gap in one arm, and what lies beyond the gap is sent
   // to another arm of Y, which already has a counterpart, or to where it
@@ -126,12 +166,7 @@ TEST_F(ElasticAlignmentTest, TheWholeTellsWherePiecesOfAPartDoNotBelong) {
         return height > 1.1 && height < 1.4;
       }));
   const Prepared y(Bent(body));
-  Prepared x(part.mesh);
-  // Prepared has made the area 1; back to the whole's unit.
-  const double scale = std::sqrt(SurfaceArea(part.mesh) / SurfaceArea(body));
-  x.mesh.positions *= scale;
-  x.laplacian.mass *= scale * scale;
-  x.functions /= static_cast<float>(scale);
+  const Prepared x = InUnitOf(body, part.mesh);
   const Eigen::Matrix3d turn = Eigen::Quaterniond::FromTwoVectors(
                                    arm.transpose(), kFourthArm.transpose())
                                    .toRotationMatrix();
@@ -187,18 +222,22 @@ TEST_F(ElasticAlignmentTest, ScoresTellARightMapFromAReflectedOne) {
 }
 
 TEST_F(ElasticAlignmentTest, FixedLandmarksStay) {
-  ElasticAlignment alignment(x_.shape(), y_.shape(), options_, NoisyIdentity());
   const std::vector<VertexMatch> landmarks = {{5, 9}, {100, 100}};
-  alignment.Fix(landmarks);
-  ASSERT_THAT(alignment.Run(0.01, 5, {}), IsOk());
-  const auto points = alignment.PrecisePoints({});
-  ASSERT_THAT(points, IsOk());
-  for (const VertexMatch& landmark : landmarks) {
-    EXPECT_EQ(alignment.y_from_x()[landmark.x], landmark.y);
-    EXPECT_LT((PositionOf(y_.mesh, (*points)[landmark.x]) -
-               y_.mesh.positions.row(landmark.y))
-                  .norm(),
-              1e-9);
+  for (const bool bend_y : {false, true}) {
+    options_.bend_y = bend_y;
+    ElasticAlignment alignment(x_.shape(), y_.shape(), options_,
+                               NoisyIdentity());
+    alignment.Fix(landmarks);
+    ASSERT_THAT(alignment.Run(0.01, 5, {}), IsOk());
+    const auto points = alignment.PrecisePoints({});
+    ASSERT_THAT(points, IsOk());
+    for (const VertexMatch& landmark : landmarks) {
+      EXPECT_EQ(alignment.y_from_x()[landmark.x], landmark.y);
+      EXPECT_LT((PositionOf(y_.mesh, (*points)[landmark.x]) -
+                 y_.mesh.positions.row(landmark.y))
+                    .norm(),
+                1e-9);
+    }
   }
 }
 
