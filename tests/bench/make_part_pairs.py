@@ -15,7 +15,9 @@ by chance, the same ones for the same seed (1 by default):
     alike    X and Y, cut in the same way
     overlap  X and Y, cut in two ways
 
-With --scale X is 0.5 to 2 times as large as it was.
+X has the unit of Y, in which the two whole shapes have the same area: sets of whole
+shapes, such as FAUST_r, need not have one unit. With --scale it is 0.5 to 2 times as
+large.
 """
 import argparse
 import collections
@@ -44,6 +46,13 @@ def cross(a, b):
 def unit(a):
     length = math.sqrt(dot(a, a))
     return a[0] / length, a[1] / length, a[2] / length
+
+
+def area_of(mesh):
+    vertices, faces = mesh
+    return sum(math.hypot(*cross(minus(vertices[b], vertices[a]),
+                                 minus(vertices[c], vertices[a])))
+               for a, b, c in faces) / 2
 
 
 def neighbors_of(mesh):
@@ -183,7 +192,9 @@ class Maker:
         folder, x, y = self.dice.choice(self.listed)
         mesh_x, mesh_y = read_off(folder / f"{x}.off"), read_off(folder / f"{y}.off")
         truth = spread(mesh_x, read_truth(folder / f"gt_{x}__{y}.txt"))
-        return mesh_x, mesh_y, truth
+        unit_y = math.sqrt(area_of(mesh_y) / area_of(mesh_x))
+        in_y = [tuple(unit_y * c for c in v) for v in mesh_x[0]]
+        return (in_y, mesh_x[1]), mesh_y, truth
 
     def depths(self, mesh_x, mesh_y, truth):
         """From 0 to 1 in a direction of X, on both shapes."""
