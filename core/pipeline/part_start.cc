@@ -28,6 +28,10 @@ namespace {
 constexpr double kLeastRadius = 0.08;
 constexpr double kLeastEdges = 3;
 constexpr double kUsualScale = 0.7;
+/// Where the points of X lie nearer to its rim on average than this part of the
+/// smaller radius, the rim cuts nearly all balls, and larger ones tell more.
+constexpr double kMostlyCut = 0.75;
+constexpr double kWider = 1.5;
 
 /// Scales that are tried: from kLeastScale on, each kScaleStep times the one
 /// before. A part is no larger than the whole, but for what it is stretched.
@@ -77,15 +81,37 @@ struct Measured {
   Eigen::MatrixXf distances;  ///< P x P, between the pool's points
 };
 
-absl::Status Measure(const PreparedMesh& shape, const std::stop_token& stop,
-                     Measured* measured) {
+/// Puts the `count` vertices that are farthest from the rim before the others;
+/// among both the order stays.
+void PutInnerFirst(std::size_t count, const std::vector<float>& rim_distances,
+                   std::vector<VertexIndex>* vertices) {
+  if (vertices->size() <= count) return;
+  std::vector<VertexIndex> by_distance = *vertices;
+  std::stable_sort(by_distance.begin(), by_distance.end(),
+                   [&](VertexIndex a, VertexIndex b) {
+                     return rim_distances[a] > rim_distances[b];
+                   });
+  by_distance.resize(count);
+  std::sort(by_distance.begin(), by_distance.end());
+  std::stable_partition(vertices->begin(), vertices->end(), [&](VertexIndex v) {
+    return std::binary_search(by_distance.begin(), by_distance.end(), v);
+  });
+}
+
+/// `inner`: so many vertices of the pool that are farthest from the rim come
+/// first.
+absl::Status Measure(const PreparedMesh& shape, std::size_t inner,
+                     const std::stop_token& stop, Measured* measured) {
   const WorkingMesh& solved = shape.solved();
   const DistanceFieldSolver solver(solved.mesh, stop);
+  measured->rim_distances = RimDistances(solved.mesh, solver);
+  if (inner > 0) {
+    PutInnerFirst(inner, measured->rim_distances, &measured->vertices);
+  }
   const std::vector<VertexIndex>& vertices = measured->vertices;
   measured->frames = {solved.mesh.positions(vertices, Eigen::all),
                       solved.normals(vertices, Eigen::all),
                       shape.curvature(vertices)};
-  measured->rim_distances = RimDistances(solved.mesh, solver);
   ISOMATCH_ASSIGN_OR_RETURN(
       const BasisPoints fields,
       BasisPoints::Create(solver, vertices, nullptr, stop, kPoolChange));
@@ -130,19 +156,26 @@ class StartSearch {
         PoolVertices(x_.hash, kPartPoolSize, VerticesOf(taken, kX));
     of_y_.vertices =
         PoolVertices(y_.hash, options_.pool_size, VerticesOf(taken, kY));
+    // A point of X whose ball the rim does not cut looks as it does on Y.
+    const std::size_t inner = overlaps() ? 0 : AlikeSeedOptions().points_x;
     ISOMATCH_RETURN_IF_ERROR(
-        RunBoth([&] { return Measure(x_, control_.stop, &of_x_); },
-                [&] { return Measure(y_, control_.stop, &of_y_); }));
+        RunBoth([&] { return Measure(x_, inner, control_.stop, &of_x_); },
+                [&] { return Measure(y_, 0, control_.stop, &of_y_); }));
     const double edge =
         std::max(MeanEdgeLength(y_.solved().mesh),
                  kUsualScale * MeanEdgeLength(x_.solved().mesh));
     const double radius = std::max(kLeastRadius, kLeastEdges * edge);
-    radii_ = {radius, 2 * radius};
-    ISOMATCH_ASSIGN_OR_RETURN(
-        described_y_,
-        DescribePoints(SurfaceOf(y_), of_y_.vertices, of_y_.rim_distances,
-                       Balls(1), control_.stop));
-    return absl::OkStatus();
+    return DescribeY(radius);
+  }
+
+  /// Where the rim cuts nearly all balls of X, takes larger ones from here on.
+  absl::Status WidenWhereCut(double scale) {
+    double sum = 0;
+    for (const VertexIndex v : of_x_.vertices) sum += of_x_.rim_distances[v];
+    const double mean =
+        scale * sum / static_cast<double>(of_x_.vertices.size());
+    if (overlaps() || mean >= kMostlyCut * radii_[0]) return absl::OkStatus();
+    return DescribeY(kWider * radii_[0]);
   }
 
   absl::StatusOr<Start> At(double scale, const Effort& effort) const {
@@ -216,6 +249,17 @@ class StartSearch {
   }
 
   bool oriented() const { return x_.solved().oriented && y_.solved().oriented; }
+  bool overlaps() const { return options_.relation == Relation::kOverlap; }
+
+  /// By balls of this radius and twice that.
+  absl::Status DescribeY(double radius) {
+    radii_ = {radius, 2 * radius};
+    ISOMATCH_ASSIGN_OR_RETURN(
+        described_y_,
+        DescribePoints(SurfaceOf(y_), of_y_.vertices, of_y_.rim_distances,
+                       Balls(1), control_.stop));
+    return absl::OkStatus();
+  }
 
   /// What was found at a scale, but for what it was found by.
   struct Tried {
@@ -414,6 +458,7 @@ absl::StatusOr<PartStart> FindPartStart(const PreparedMesh& x,
   if (options.scale == LengthScale::kAuto) {
     ISOMATCH_ASSIGN_OR_RETURN(scale, search.Scale());
   }
+  ISOMATCH_RETURN_IF_ERROR(search.WidenWhereCut(scale));
   const bool overlap = options.relation == Relation::kOverlap;
   ISOMATCH_ASSIGN_OR_RETURN(Start start,
                             search.At(scale, overlap ? kToOverlap : kToMatch));

@@ -28,7 +28,8 @@ inline constexpr int kPartPoolSize = 400;
 struct PartStart {
   /// X's lengths times this are in Y's unit, sqrt(area of Y).
   double scale = 1;
-  /// Vertices of the pools.
+  /// Vertices of the pools. Where X is a part of Y, those of X that are
+  /// farthest from its rim, which seeds are made of, come first.
   std::array<std::vector<VertexIndex>, 2> pools;
   /// Between them, each P x P, in Y's unit.
   std::array<Eigen::MatrixXf, 2> distances;
@@ -47,7 +48,8 @@ struct SearchControl {
 /// Finds where to begin, and with LengthScale::kAuto the scale: seeds have the
 /// most support at the right one, and of the scales where they have much, a map
 /// that grows from them is best there, or with MatchOptions::next_scale next
-/// best. `x` and `y` are each of area 1.
+/// best. `x` and `y` are each of area 1. Points are compared by balls around
+/// them, larger ones where X's rim cuts nearly all.
 ///
 /// Not in the paper. Deterministic at any thread count. Errors as RunMatch, and
 /// FAILED_PRECONDITION where there is no next scale.
