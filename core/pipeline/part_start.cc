@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <string>
 #include <utility>
 
@@ -81,37 +82,15 @@ struct Measured {
   Eigen::MatrixXf distances;  ///< P x P, between the pool's points
 };
 
-/// Puts the `count` vertices that are farthest from the rim before the others;
-/// among both the order stays.
-void PutInnerFirst(std::size_t count, const std::vector<float>& rim_distances,
-                   std::vector<VertexIndex>* vertices) {
-  if (vertices->size() <= count) return;
-  std::vector<VertexIndex> by_distance = *vertices;
-  std::stable_sort(by_distance.begin(), by_distance.end(),
-                   [&](VertexIndex a, VertexIndex b) {
-                     return rim_distances[a] > rim_distances[b];
-                   });
-  by_distance.resize(count);
-  std::sort(by_distance.begin(), by_distance.end());
-  std::stable_partition(vertices->begin(), vertices->end(), [&](VertexIndex v) {
-    return std::binary_search(by_distance.begin(), by_distance.end(), v);
-  });
-}
-
-/// `inner`: so many vertices of the pool that are farthest from the rim come
-/// first.
-absl::Status Measure(const PreparedMesh& shape, std::size_t inner,
-                     const std::stop_token& stop, Measured* measured) {
+absl::Status Measure(const PreparedMesh& shape, const std::stop_token& stop,
+                     Measured* measured) {
   const WorkingMesh& solved = shape.solved();
   const DistanceFieldSolver solver(solved.mesh, stop);
-  measured->rim_distances = RimDistances(solved.mesh, solver);
-  if (inner > 0) {
-    PutInnerFirst(inner, measured->rim_distances, &measured->vertices);
-  }
   const std::vector<VertexIndex>& vertices = measured->vertices;
   measured->frames = {solved.mesh.positions(vertices, Eigen::all),
                       solved.normals(vertices, Eigen::all),
                       shape.curvature(vertices)};
+  measured->rim_distances = RimDistances(solved.mesh, solver);
   ISOMATCH_ASSIGN_OR_RETURN(
       const BasisPoints fields,
       BasisPoints::Create(solver, vertices, nullptr, stop, kPoolChange));
@@ -127,6 +106,30 @@ absl::Status Measure(const PreparedMesh& shape, std::size_t inner,
     }
   }
   return absl::OkStatus();
+}
+
+/// Puts the `count` points that are farthest from the rim before the others;
+/// among both the order stays.
+void PutInnerFirst(std::size_t count, Measured* measured) {
+  if (measured->vertices.size() <= count) return;
+  std::vector<int> order(measured->vertices.size());
+  std::iota(order.begin(), order.end(), 0);
+  std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
+    return measured->rim_distances[measured->vertices[a]] >
+           measured->rim_distances[measured->vertices[b]];
+  });
+  const auto outer = order.begin() + static_cast<std::ptrdiff_t>(count);
+  std::sort(order.begin(), outer);
+  std::sort(outer, order.end());
+  const std::vector<VertexIndex> before = measured->vertices;
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    measured->vertices[i] = before[order[i]];
+  }
+  PointFrames& frames = measured->frames;
+  frames.positions = frames.positions(order, Eigen::all).eval();
+  frames.normals = frames.normals(order, Eigen::all).eval();
+  frames.curvatures = frames.curvatures(order).eval();
+  measured->distances = measured->distances(order, order).eval();
 }
 
 /// What is found at one scale.
@@ -156,11 +159,9 @@ class StartSearch {
         PoolVertices(x_.hash, kPartPoolSize, VerticesOf(taken, kX));
     of_y_.vertices =
         PoolVertices(y_.hash, options_.pool_size, VerticesOf(taken, kY));
-    // A point of X whose ball the rim does not cut looks as it does on Y.
-    const std::size_t inner = overlaps() ? 0 : AlikeSeedOptions().points_x;
     ISOMATCH_RETURN_IF_ERROR(
-        RunBoth([&] { return Measure(x_, inner, control_.stop, &of_x_); },
-                [&] { return Measure(y_, 0, control_.stop, &of_y_); }));
+        RunBoth([&] { return Measure(x_, control_.stop, &of_x_); },
+                [&] { return Measure(y_, control_.stop, &of_y_); }));
     const double edge =
         std::max(MeanEdgeLength(y_.solved().mesh),
                  kUsualScale * MeanEdgeLength(x_.solved().mesh));
@@ -168,13 +169,15 @@ class StartSearch {
     return DescribeY(radius);
   }
 
-  /// Where the rim cuts nearly all balls of X, takes larger ones from here on.
-  absl::Status WidenWhereCut(double scale) {
+  /// Of a part in the scale that is found: has its inner points make the seeds,
+  /// and takes larger balls where the rim cuts nearly all.
+  absl::Status AvoidRim(double scale) {
+    PutInnerFirst(AlikeSeedOptions().points_x, &of_x_);
     double sum = 0;
     for (const VertexIndex v : of_x_.vertices) sum += of_x_.rim_distances[v];
     const double mean =
         scale * sum / static_cast<double>(of_x_.vertices.size());
-    if (overlaps() || mean >= kMostlyCut * radii_[0]) return absl::OkStatus();
+    if (mean >= kMostlyCut * radii_[0]) return absl::OkStatus();
     return DescribeY(kWider * radii_[0]);
   }
 
@@ -249,7 +252,6 @@ class StartSearch {
   }
 
   bool oriented() const { return x_.solved().oriented && y_.solved().oriented; }
-  bool overlaps() const { return options_.relation == Relation::kOverlap; }
 
   /// By balls of this radius and twice that.
   absl::Status DescribeY(double radius) {
@@ -458,8 +460,8 @@ absl::StatusOr<PartStart> FindPartStart(const PreparedMesh& x,
   if (options.scale == LengthScale::kAuto) {
     ISOMATCH_ASSIGN_OR_RETURN(scale, search.Scale());
   }
-  ISOMATCH_RETURN_IF_ERROR(search.WidenWhereCut(scale));
   const bool overlap = options.relation == Relation::kOverlap;
+  if (!overlap) ISOMATCH_RETURN_IF_ERROR(search.AvoidRim(scale));
   ISOMATCH_ASSIGN_OR_RETURN(Start start,
                             search.At(scale, overlap ? kToOverlap : kToMatch));
   control.progress(1);
