@@ -169,15 +169,15 @@ class StartSearch {
     return DescribeY(radius);
   }
 
-  /// Of a part in the scale that is found: has its inner points make the seeds,
-  /// and takes larger balls where the rim cuts nearly all.
+  /// Of a part in the scale that is found: where the rim cuts nearly all balls,
+  /// has its inner points make the seeds, and takes larger balls.
   absl::Status AvoidRim(double scale) {
-    PutInnerFirst(AlikeSeedOptions().points_x, &of_x_);
     double sum = 0;
     for (const VertexIndex v : of_x_.vertices) sum += of_x_.rim_distances[v];
     const double mean =
         scale * sum / static_cast<double>(of_x_.vertices.size());
     if (mean >= kMostlyCut * radii_[0]) return absl::OkStatus();
+    PutInnerFirst(AlikeSeedOptions().points_x, &of_x_);
     return DescribeY(kWider * radii_[0]);
   }
 
