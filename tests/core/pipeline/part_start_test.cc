@@ -4,8 +4,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
-#include <functional>
 #include <utility>
 #include <vector>
 
@@ -19,6 +17,7 @@
 #include "core/pipeline/preparation.h"
 #include "core/pipeline/progress_reporter.h"
 #include "core/pipeline/stage_plan.h"
+#include "tests/support/dirty_meshes.h"
 #include "tests/support/matchers.h"
 #include "tests/support/shapes.h"
 
@@ -28,24 +27,14 @@ namespace {
 /// A part of BumpySphere, in its unit, and all of it.
 class PartStartTest : public testing::Test {
  protected:
-  using IsKept = std::function<bool(const Eigen::RowVector3d&)>;
-
-  void Find(int levels, const IsKept& is_kept) {
+  void Find(int levels, const FacePredicate& is_cut_off) {
     options_.relation = Relation::kPartOfY;
     options_.scale = LengthScale::kSame;
     const TriangleMesh whole = BumpySphere(levels);
-    TriangleMesh part = whole;
-    VertexIndex faces = 0;
-    for (VertexIndex f = 0; f < whole.num_faces(); ++f) {
-      bool keep = true;
-      for (int c = 0; c < 3; ++c) {
-        keep = keep && is_kept(whole.positions.row(whole.faces(f, c)));
-      }
-      if (keep) part.faces.row(faces++) = whole.faces.row(f);
-    }
-    part.faces.conservativeResize(faces, 3);
+    const DirtyMesh part =
+        WithoutLoneVertices(WithoutFaces(Untouched(whole), is_cut_off));
     ProgressReporter silent({}, StagePlan(options_));
-    ASSERT_THAT(PrepareMeshes({MeshToPrepare{Clean(part), "mesh_x"},
+    ASSERT_THAT(PrepareMeshes({MeshToPrepare{Clean(part.mesh), "mesh_x"},
                                MeshToPrepare{Clean(whole), "mesh_y"}},
                               options_, &silent, {}, &shapes_),
                 IsOk());
@@ -58,8 +47,10 @@ class PartStartTest : public testing::Test {
   /// Nowhere far from the rim. Its edges are so short that they do not ask for
   /// larger balls.
   void FindInBand() {
-    Find(5, [](const Eigen::RowVector3d& p) {
-      return std::abs(p.z()) < 0.15 * p.norm();
+    const FacePredicate above = Beyond({0, 0, 1}, 0.15);
+    const FacePredicate below = Beyond({0, 0, -1}, 0.15);
+    Find(5, [&](const TriangleMesh& mesh, VertexIndex f) {
+      return above(mesh, f) || below(mesh, f);
     });
   }
 
@@ -118,7 +109,7 @@ TEST_F(PartStartTest, SeedsAreMadeOfPointsFarFromARimThatIsNear) {
 }
 
 TEST_F(PartStartTest, BallsAreLargerWhereTheRimCutsNearlyAll) {
-  Find(4, [](const Eigen::RowVector3d& p) { return p.z() > 0; });
+  Find(4, Beyond({0, 0, -1}, 0));
   ASSERT_GT(MeanRimDistance(), 0.08);
   EXPECT_TRUE(start_.differences.isApprox(DifferencesWith(0.08)));
   FindInBand();
