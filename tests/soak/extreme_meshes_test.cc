@@ -182,7 +182,9 @@ TEST(ExtremeMeshesTest, FacesAroundOneVertexTakeNoTimesTheirSquare) {
     ExpectAtMost(absl::StrCat("a ", name, " of 10,000 faces on itself"), many,
                  8, "s");
     PrintFigure(absl::StrCat("the same, over one of 2,500"), many / few, "");
-    EXPECT_LE(many / few, 6);  // 16 where it is the square
+    // 4 or 5 on an idle machine, up to 6.2 where others share its caches, 16
+    // where it is the square.
+    EXPECT_LE(many / few, 10);
   };
   check("fan", Fan);
   check("book", Book);
