@@ -124,7 +124,8 @@ class Nearness:
 
 def scan(mesh, direction):
     """What is seen of the mesh against `direction`, sampled at the steps of a
-    grid half as wide as a mean edge; and of each point the vertex next to it.
+    grid half as wide as a mean edge; and of each vertex of the mesh that is seen
+    the point nearest to it, by its barycentric coordinate.
     Where one limb hides another they are not joined, even if they touch."""
     vertices, faces = mesh
     are_near = Nearness(mesh)
@@ -149,13 +150,15 @@ def scan(mesh, direction):
                 height = a[2] + u * (b[2] - a[2]) + w * (c[2] - a[2])
                 if (i, j) not in hits or height > hits[i, j][0]:
                     hits[i, j] = height, f, (1 - u - w, u, w)
-    index, points, nearest = {}, [], []
+    index, points, nearest, shares = {}, [], [], []
     for place in sorted(hits):
         _, f, weights = hits[place]
         index[place] = len(points)
         points.append(tuple(sum(w * vertices[v][k] for w, v in zip(weights, f))
                             for k in range(3)))
-        nearest.append(f[max(range(3), key=lambda k: weights[k])])
+        corner = max(range(3), key=lambda k: weights[k])
+        nearest.append(f[corner])
+        shares.append(weights[corner])
     triangles = []
     for i, j in sorted(hits):
         for corners in (((i, j), (i + 1, j), (i, j + 1)),
@@ -171,7 +174,13 @@ def scan(mesh, direction):
                 triangles.append((a, b, c) if facing > 0 else (a, c, b))
     seen = points, triangles
     piece, kept = submesh(seen, largest_component(seen))
-    return piece, [nearest[v] for v in kept]
+    point_of = {}  # vertex of the mesh: its share in a point, the point
+    for k, v in enumerate(kept):
+        point_of[nearest[v]] = max(point_of.get(nearest[v], (0, 0)), (shares[v], k))
+    vertices = [None] * len(kept)
+    for vertex, (_, k) in point_of.items():
+        vertices[k] = vertex
+    return piece, vertices
 
 
 class Maker:
@@ -191,7 +200,8 @@ class Maker:
     def draw(self):
         folder, x, y = self.dice.choice(self.listed)
         mesh_x, mesh_y = read_off(folder / f"{x}.off"), read_off(folder / f"{y}.off")
-        truth = spread(mesh_x, read_truth(folder / f"gt_{x}__{y}.txt"))
+        self.known = read_truth(folder / f"gt_{x}__{y}.txt")
+        truth = spread(mesh_x, self.known)
         unit_y = math.sqrt(area_of(mesh_y) / area_of(mesh_x))
         in_y = [tuple(unit_y * c for c in v) for v in mesh_x[0]]
         return (in_y, mesh_x[1]), mesh_y, truth
@@ -228,7 +238,7 @@ class Maker:
         # From where much is seen, as one would stand.
         seen = max((scan(mesh_x, self.direction()) for _ in range(3)),
                    key=lambda view: len(view[0][0]))
-        self.add("views", number, seen, self.whole(mesh_y), truth)
+        self.add("views", number, seen, self.whole(mesh_y), self.known)
 
     def whole(self, mesh):
         return mesh, range(len(mesh[0]))
