@@ -44,6 +44,8 @@ constexpr int kNextSteps = 6;
 /// Of parts: steps of the surface that is bent, which begins with vertices that
 /// nothing pulls, before it is matched anew.
 constexpr int kFirstSteps = 30;
+/// Weight of eigenfunctions where X's rim shapes them more than X does.
+constexpr double kRimSpectralWeight = 0.01;
 /// What matched area is worth, less how unlike it is: squared difference of
 /// descriptors and 1 - cosine between normals.
 constexpr double kWorth = 1.1;
@@ -70,7 +72,7 @@ int BasisSize(const PreparedMesh& x, const PreparedMesh& y,
 
 CandidateChoice::CandidateChoice(const PreparedMesh& x, const PreparedMesh& y,
                                  const MatchOptions& options,
-                                 const StopTokens& stops)
+                                 const StopTokens& stops, bool is_mostly_rim)
     : functions_{FunctionColumns(x.spectral, BasisSize(x, y, options)),
                  FunctionColumns(y.spectral, BasisSize(x, y, options))},
       spectral_{&x.spectral, &y.spectral},
@@ -80,6 +82,7 @@ CandidateChoice::CandidateChoice(const PreparedMesh& x, const PreparedMesh& y,
       surface_x_(SurfaceOf(x)),
       surface_y_(SurfaceOf(y)),
       oriented_(x.solved().oriented && y.solved().oriented),
+      is_mostly_rim_(is_mostly_rim),
       options_(options),
       stop_(stops.stop),
       hurry_(stops.hurry),
@@ -299,6 +302,7 @@ AlignmentOptions CandidateChoice::HowAligned() const {
   AlignmentOptions options;
   options.basis = options_.alignment_basis;
   options.bend_y = is_part() && !masks();
+  if (is_mostly_rim_) options.spectral_weight = kRimSpectralWeight;
   if (!oriented_) options.normal_weight = 0;
   if (masks()) {
     // Eigenfunctions of parts differ.

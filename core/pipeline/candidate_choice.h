@@ -27,8 +27,10 @@ namespace isomatch {
 /// References and `stops` must outlive it. Not thread-safe.
 class CandidateChoice {
  public:
+  /// `is_mostly_rim`: PartStart::is_mostly_rim.
   CandidateChoice(const PreparedMesh& x, const PreparedMesh& y,
-                  const MatchOptions& options, const StopTokens& stops);
+                  const MatchOptions& options, const StopTokens& stops,
+                  bool is_mostly_rim = false);
 
   /// Refines every candidate's dense map and lays it out by the first rounds of
   /// the elastic alignment; completes the scores, sorts by the rank value,
@@ -103,6 +105,7 @@ class CandidateChoice {
   const DescribedSurface surface_x_;
   const DescribedSurface surface_y_;
   const bool oriented_;
+  const bool is_mostly_rim_;
   const MatchOptions& options_;
   const std::stop_token& stop_;
   const std::stop_token& hurry_;

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <memory>
 #include <optional>
 #include <unordered_map>
@@ -357,7 +356,8 @@ class MatchRun {
       ISOMATCH_RETURN_IF_ERROR(Describe(options_, stop_, own_x_));
       shapes_[kX] = own_x_;
     }
-    choice_.emplace(shape(kX), shape(kY), options_, stops_);
+    choice_.emplace(shape(kX), shape(kY), options_, stops_,
+                    part_ != nullptr && part_->is_mostly_rim);
     const std::size_t found = candidates_.size();
     ISOMATCH_ASSIGN_OR_RETURN(
         alignment_, choice_->Choose(progress_.Share(0, 1), &candidates_));

@@ -176,7 +176,8 @@ class StartSearch {
     for (const VertexIndex v : of_x_.vertices) sum += of_x_.rim_distances[v];
     const double mean =
         scale * sum / static_cast<double>(of_x_.vertices.size());
-    if (mean >= kMostlyCut * radii_[0]) return absl::OkStatus();
+    is_mostly_rim_ = mean < kMostlyCut * radii_[0];
+    if (!is_mostly_rim_) return absl::OkStatus();
     PutInnerFirst(AlikeSeedOptions().points_x, &of_x_);
     return DescribeY(kWider * radii_[0]);
   }
@@ -234,6 +235,7 @@ class StartSearch {
   PartStart Result(Start start) && {
     of_x_.distances *= static_cast<float>(start.scale);
     return {start.scale,
+            is_mostly_rim_,
             {std::move(of_x_.vertices), std::move(of_y_.vertices)},
             {std::move(of_x_.distances), std::move(of_y_.distances)},
             std::move(start.differences),
@@ -440,6 +442,7 @@ class StartSearch {
   PointPool pool_y_;  ///< of Scale
   Measured of_x_;
   Measured of_y_;
+  bool is_mostly_rim_ = false;
   std::array<double, 2> radii_ = {};  ///< sqrt(area of Y)
   PointDescriptors described_y_;
   std::vector<Tried> tried_;  ///< by scale, in steps of kScaleStep

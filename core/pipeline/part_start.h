@@ -28,8 +28,11 @@ inline constexpr int kPartPoolSize = 400;
 struct PartStart {
   /// X's lengths times this are in Y's unit, sqrt(area of Y).
   double scale = 1;
-  /// Vertices of the pools. Where X's rim is near everywhere, those that are
-  /// farthest from it, which seeds are made of, come first.
+  /// X's rim is near everywhere: it cuts nearly all balls, and its
+  /// eigenfunctions tell of the rim more than of the shape.
+  bool is_mostly_rim = false;
+  /// Vertices of the pools. Where X is mostly rim, those that are farthest from
+  /// it, which seeds are made of, come first.
   std::array<std::vector<VertexIndex>, 2> pools;
   /// Between them, each P x P, in Y's unit.
   std::array<Eigen::MatrixXf, 2> distances;

@@ -1,6 +1,7 @@
 #include "core/pipeline/candidate_choice.h"
 
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
@@ -11,11 +12,15 @@
 
 #include "absl/algorithm/container.h"
 #include "core/base/random_stream.h"
+#include "core/evaluation/geodesic_error.h"
+#include "core/mesh/clean_mesh.h"
+#include "core/mesh/mesh_geometry.h"
 #include "core/pipeline/matcher.h"
 #include "core/pipeline/preparation.h"
 #include "core/pipeline/progress_reporter.h"
 #include "core/pipeline/stage_plan.h"
 #include "tests/core/pipeline/two_poses.h"
+#include "tests/support/dirty_meshes.h"
 #include "tests/support/matchers.h"
 
 namespace isomatch {
@@ -255,6 +260,69 @@ TEST_F(CandidateChoiceTest, OneAndTheSameMapIsNoClearWinner) {
                                        Planted(winner_, 0.1)};
   Choose(&candidates);
   EXPECT_EQ(SymmetryConfidence(options_, candidates), 0);
+}
+
+/// What is seen of a body from one side, and all of it in another pose.
+class ViewChoiceTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    ASSERT_FALSE(poses_.truth.empty());
+    const Positions normals = VertexNormals(poses_.x);
+    const DirtyMesh seen = WithoutLoneVertices(WithoutFaces(
+        Untouched(poses_.x), [&](const TriangleMesh& mesh, VertexIndex f) {
+          return normals(mesh.faces(f, 0), 2) < 0;
+        }));
+    options_.relation = Relation::kPartOfY;
+    ProgressReporter silent({}, StagePlan(options_));
+    ASSERT_THAT(PrepareMeshes({MeshToPrepare{Clean(seen.mesh), "mesh_x"},
+                               MeshToPrepare{Clean(poses_.y), "mesh_y"}},
+                              options_, &silent, {}, &prepared_),
+                IsOk());
+    const double share = SurfaceArea(seen.mesh) / SurfaceArea(poses_.x);
+    ASSERT_THAT(Rescale(std::sqrt(share), options_, &prepared_[kX]), IsOk());
+    for (const VertexIndex x : prepared_[kX].solved().user_from_working) {
+      truth_.push_back(prepared_[kY]
+                           .solved()
+                           .working_from_user[poses_.truth[seen.origin[x]]]);
+    }
+  }
+
+  /// The truth, all of it so many edges too far in one direction.
+  VertexMap Drifted(int steps) const {
+    const Positions& places = prepared_[kY].solved().mesh.positions;
+    VertexMap map = truth_;
+    for (VertexIndex& y : map) {
+      for (int step = 0; step < steps; ++step) {
+        const auto near = prepared_[kY].solved().stars.Neighbors(y);
+        y = *absl::c_max_element(near, [&](VertexIndex a, VertexIndex b) {
+          return places(a, 1) < places(b, 1);
+        });
+      }
+    }
+    return map;
+  }
+
+  double ErrorWhere(bool is_mostly_rim) const {
+    std::vector<Candidate> candidates(1);
+    candidates[0].y_from_x = Drifted(2);
+    const StopTokens stops;
+    CandidateChoice choice(prepared_[kX], prepared_[kY], options_, stops,
+                           is_mostly_rim);
+    EXPECT_THAT(choice.Choose([](double) {}, &candidates), IsOk());
+    return GeodesicErrorMeter(prepared_[kY].solved().mesh)
+        .Measure(candidates[0].y_from_x, truth_)
+        ->mean_over_diameter;
+  }
+
+  MatchOptions options_;
+  const TwoPoses poses_ = ReadTwoPoses(ISOMATCH_TEST_DATA);
+  VertexMap truth_;  ///< working
+  std::array<PreparedMesh, 2> prepared_;
+};
+
+// Its functions differ from those of the whole, and hold a map where it is.
+TEST_F(ViewChoiceTest, EigenfunctionsCountLessWhereTheRimIsNear) {
+  EXPECT_LT(ErrorWhere(true), 0.75 * ErrorWhere(false));
 }
 
 }  // namespace

@@ -111,9 +111,11 @@ TEST_F(PartStartTest, SeedsAreMadeOfPointsFarFromARimThatIsNear) {
 TEST_F(PartStartTest, BallsAreLargerWhereTheRimCutsNearlyAll) {
   Find(4, Beyond({0, 0, -1}, 0));
   ASSERT_GT(MeanRimDistance(), 0.08);
+  EXPECT_FALSE(start_.is_mostly_rim);
   EXPECT_TRUE(start_.differences.isApprox(DifferencesWith(0.08)));
   FindInBand();
   ASSERT_LT(MeanRimDistance(), 0.05);
+  EXPECT_TRUE(start_.is_mostly_rim);
   EXPECT_TRUE(start_.differences.isApprox(DifferencesWith(0.12)));
 }
 
