@@ -218,12 +218,19 @@ ConfidenceCurve CurveOf(const std::vector<PairResult>& results) {
 
 std::vector<StageError> StageMeans(const std::vector<PairResult>& results) {
   std::vector<StageError> means;
-  for (std::size_t s = 0; s < results.front().stages.size(); ++s) {
-    means.push_back({results.front().stages[s].stage});
+  for (const Stage stage : kStages) {
+    StageError mean = {stage};
+    double count = 0;
     for (const PairResult& result : results) {
-      means[s].direct += result.stages[s].direct / double(results.size());
-      means[s].best += result.stages[s].best / double(results.size());
+      for (const StageError& error : result.stages) {
+        if (error.stage != stage) continue;
+        mean.direct += error.direct;
+        mean.best += error.best;
+        ++count;
+      }
     }
+    if (count == 0) continue;
+    means.push_back({stage, mean.direct / count, mean.best / count});
   }
   return means;
 }

@@ -107,7 +107,8 @@ struct ConfidenceCurve {
 };
 ConfidenceCurve CurveOf(const std::vector<PairResult>& results);
 
-/// Mean direct and best error over all pairs after each stage.
+/// Mean direct and best error after each stage, over the pairs that had it: of
+/// a map that was turned around, the last one alone is kept.
 std::vector<StageError> StageMeans(const std::vector<PairResult>& results);
 
 }  // namespace isomatch::bench
