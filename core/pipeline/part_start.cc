@@ -217,9 +217,8 @@ class StartSearch {
         PointPool::Create(closeness_y_, of_y_.vertices, control_.stop));
     ISOMATCH_RETURN_IF_ERROR(pool_y_.ListNearest(control_.stop));
     ISOMATCH_ASSIGN_OR_RETURN(const std::vector<double> scales, Scales());
-    for (std::size_t i = 0; i < scales.size(); ++i) {
-      ISOMATCH_RETURN_IF_ERROR(GrowAt(scales[i]));
-      control_.progress(0.5 + 0.3 * double(i + 1) / double(scales.size()));
+    for (const double scale : scales) {
+      ISOMATCH_RETURN_IF_ERROR(GrowAt(scale));
     }
     if (!std::isfinite(Best().badness)) {
       if (options_.next_scale) return NoOtherScale();
@@ -228,7 +227,6 @@ class StartSearch {
     const double middle = Best().scale;
     ISOMATCH_RETURN_IF_ERROR(GrowInSteps(middle, kFineStep));
     ISOMATCH_RETURN_IF_ERROR(GrowInSteps(middle, 1 / kFineStep));
-    control_.progress(0.9);
     return options_.next_scale ? NextScale() : Best().scale;
   }
 
@@ -278,9 +276,12 @@ class StartSearch {
     double badness;
   };
 
+  /// How many maps are to be grown turns out on the way: each is a tenth of
+  /// what is left to tell.
   absl::Status GrowAt(double scale) {
     ISOMATCH_ASSIGN_OR_RETURN(const double badness, BadnessAt(scale));
     grown_.push_back({scale, badness});
+    control_.progress(0.95 - 0.45 * std::pow(0.9, grown_.size()));
     return absl::OkStatus();
   }
 

@@ -88,29 +88,34 @@ MatchOptions OptionsAs(Relation relation, const MatchOptions& options) {
   return chosen;
 }
 
+/// Share of the work that is over when two shapes are prepared.
+double PreparedShare(const MatchOptions& options) {
+  double prepared = 0;
+  double all = 0;
+  for (const auto& [stage, weight] : StagePlan(options)) {
+    if (stage < Stage::kSeeds) prepared += weight;
+    all += weight;
+  }
+  return prepared / all;
+}
+
 /// Makes one series of the reports of several matches: the preparation is
 /// reported once, and each match has an equal share of the rest.
 class JoinedTries {
  public:
-  JoinedTries(const ProgressCallback& progress, const MatchOptions& options,
-              int tries)
-      : progress_(progress), tries_(tries) {
-    double prepared = 0;
-    double all = 0;
-    for (const auto& [stage, weight] : StagePlan(options)) {
-      if (stage < Stage::kSeeds) prepared += weight;
-      all += weight;
-    }
-    prepared_ = prepared / all;
-  }
+  JoinedTries(const ProgressCallback& progress, int tries)
+      : progress_(progress), tries_(tries) {}
 
-  ProgressCallback OfNext() {
+  /// `options`: those of the match.
+  ProgressCallback OfNext(const MatchOptions& options) {
     const int number = number_++;
-    return [this, number](Progress report) {
+    const double prepared = PreparedShare(options);
+    if (number == 0) prepared_ = prepared;
+    return [this, number, prepared](Progress report) {
       if (!progress_ || (number > 0 && report.stage < Stage::kSeeds)) return;
       if (tries_ > 1 && report.stage >= Stage::kSeeds) {
         const double of_match =
-            std::max(0.0, report.total_fraction - prepared_) / (1 - prepared_);
+            std::max(0.0, report.total_fraction - prepared) / (1 - prepared);
         report.total_fraction =
             prepared_ + (1 - prepared_) * (number + of_match) / tries_;
       }
@@ -128,7 +133,7 @@ class JoinedTries {
  private:
   const ProgressCallback& progress_;
   const int tries_;
-  double prepared_ = 0;  ///< of the whole, when preparation is over
+  double prepared_ = 0;  ///< share of the first match
   int number_ = 0;
   double told_ = 0;
   bool has_map_ = false;  ///< of whatever try
@@ -212,7 +217,7 @@ class RelationSearch {
   /// Where there is a map already, a hurry ends it with FAILED_PRECONDITION.
   absl::StatusOr<Correspondence> MatchOnce(const MatchOptions& options,
                                            bool has_map) {
-    MatchControl control = control_.With(joined_.OfNext());
+    MatchControl control = control_.With(joined_.OfNext(options));
     if (!has_map) return match_(options, control);
     const EitherStop ends({control_.stop, control_.hurry});
     control.stop = ends.token();
@@ -310,7 +315,7 @@ absl::StatusOr<Correspondence> FindRelation(const ShapeOutline& x,
                                             const MatchControl& control,
                                             const MatchAs& match) {
   const RelationOrder order = OrderOf(x, y, options);
-  JoinedTries joined(control.progress, options, MostTries(x, y, options));
+  JoinedTries joined(control.progress, MostTries(x, y, options));
   RelationSearch search(options, order.may_be_surely_whole, match, control,
                         &joined);
   ISOMATCH_RETURN_IF_ERROR(search.Try(order.likely));

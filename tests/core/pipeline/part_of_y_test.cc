@@ -192,15 +192,26 @@ TEST_F(PartOfYTest, TheMemoryEstimateIsAnUpperBound) {
   EXPECT_LE(estimate, 2 * measured + (std::int64_t{16} << 20));
 }
 
-TEST_F(PartOfYTest, ProgressNeverFallsAndEnds) {
+// Most of the time goes into the scale, and what is grown for it is told of.
+TEST_F(PartOfYTest, ProgressNeverFallsOrHaltsAndEnds) {
   std::vector<double> totals;
+  std::vector<double> seeds;
   const auto found =
       Match(part_.mesh, whole_, {}, options_, {[&](const Progress& progress) {
               totals.push_back(progress.total_fraction);
+              if (progress.stage == Stage::kSeeds) {
+                seeds.push_back(progress.total_fraction);
+              }
             }});
   ASSERT_THAT(found, IsOk());
   EXPECT_TRUE(std::is_sorted(totals.begin(), totals.end()));
   EXPECT_EQ(totals.back(), 1);
+  ASSERT_GT(seeds.size(), 15u);
+  const double share = seeds.back() - seeds.front();
+  EXPECT_GT(share, 0.2);
+  for (std::size_t i = 1; i < seeds.size(); ++i) {
+    EXPECT_LT(seeds[i] - seeds[i - 1], 0.3 * share);
+  }
 }
 
 TEST(PartOptionsTest, WhatDoesNotGoTogetherIsNamed) {
