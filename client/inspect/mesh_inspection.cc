@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <optional>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -201,13 +202,13 @@ bool HasOnlyFloats(const TriangleMesh& mesh) {
 
 void WarnOfRounding(const TriangleMesh& mesh,
                     std::vector<std::string>* warnings) {
-  const SingleRounding rounding = RoundingInSinglePrecision(mesh);
-  if (!rounding.is_coarse() || !HasOnlyFloats(mesh)) return;
+  const std::optional<SingleRounding> rounding = CoarseRounding(mesh);
+  if (!rounding || !HasOnlyFloats(mesh)) return;
   warnings->push_back(absl::StrFormat(
       "the mesh lies %.3g away from the origin, and all its coordinates are of "
       "single precision, as STL and most PLY have them: they were rounded "
       "there by more than a hundredth of an edge (%.3g)",
-      rounding.farthest, rounding.mean_edge));
+      rounding->farthest, rounding->mean_edge));
 }
 
 // Warnings about faces and their extent.

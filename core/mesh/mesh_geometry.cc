@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 
 namespace isomatch {
 namespace {
@@ -15,6 +16,21 @@ Eigen::RowVector3d DoubleAreaNormal(const Positions& positions,
   const Eigen::RowVector3d b = positions.row(faces(face, 1));
   const Eigen::RowVector3d c = positions.row(faces(face, 2));
   return (b - a).cross(c - a);
+}
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+/// The lengths of the faces' edges added up, until they are `enough`.
+double PerimetersUpTo(const TriangleMesh& mesh, double enough) {
+  double sum = 0;
+  for (VertexIndex f = 0; f < mesh.num_faces() && sum < enough; ++f) {
+    for (int corner = 0; corner < 3; ++corner) {
+      sum += (mesh.positions.row(mesh.faces(f, corner)) -
+              mesh.positions.row(mesh.faces(f, (corner + 1) % 3)))
+                 .norm();
+    }
+  }
+  return sum;
 }
 
 }  // namespace
@@ -73,42 +89,40 @@ double SignedVolume6(const TriangleMesh& mesh, VertexIndex face,
 }
 
 double MeanEdgeLength(const TriangleMesh& mesh) {
-  double sum = 0;
-  for (VertexIndex f = 0; f < mesh.num_faces(); ++f) {
-    for (int corner = 0; corner < 3; ++corner) {
-      sum += (mesh.positions.row(mesh.faces(f, corner)) -
-              mesh.positions.row(mesh.faces(f, (corner + 1) % 3)))
-                 .norm();
-    }
-  }
+  const double sum = PerimetersUpTo(mesh, kInfinity);
   return mesh.num_faces() > 0 ? sum / (3.0 * mesh.num_faces()) : 0;
 }
 
 Eigen::AlignedBox3d BoxOfFaces(const TriangleMesh& mesh) {
+  const std::vector<bool> is_on_face = VerticesOnFaces(mesh);
   Eigen::AlignedBox3d box;
-  for (const VertexIndex corner : mesh.faces.reshaped()) {
-    box.extend(mesh.positions.row(corner).transpose());
+  for (VertexIndex v = 0; v < mesh.num_vertices(); ++v) {
+    if (is_on_face[v]) box.extend(mesh.positions.row(v).transpose());
   }
   return box;
 }
 
 std::vector<bool> VerticesOnFaces(const TriangleMesh& mesh) {
   std::vector<bool> is_on_face(static_cast<std::size_t>(mesh.num_vertices()));
-  for (const VertexIndex corner : mesh.faces.reshaped()) {
+  for (const VertexIndex corner : mesh.faces.reshaped<Eigen::RowMajor>()) {
     is_on_face[static_cast<std::size_t>(corner)] = true;
   }
   return is_on_face;
 }
 
-SingleRounding RoundingInSinglePrecision(const TriangleMesh& mesh) {
+std::optional<SingleRounding> CoarseRounding(const TriangleMesh& mesh) {
   constexpr int kBits = 24;
+  constexpr double kMostOfAnEdge = 0.01;
+  const Eigen::AlignedBox3d box = BoxOfFaces(mesh);
   SingleRounding rounding;
-  for (const VertexIndex corner : mesh.faces.reshaped()) {
-    rounding.farthest = std::max(
-        rounding.farthest, mesh.positions.row(corner).cwiseAbs().maxCoeff());
-  }
+  rounding.farthest =
+      box.min().cwiseAbs().cwiseMax(box.max().cwiseAbs()).maxCoeff();
   rounding.most = std::ldexp(rounding.farthest, -kBits);
-  rounding.mean_edge = MeanEdgeLength(mesh);
+  // Of most meshes a few faces tell.
+  const double enough = rounding.most / kMostOfAnEdge * 3 * mesh.num_faces();
+  const double sum = PerimetersUpTo(mesh, enough);
+  if (sum >= enough) return std::nullopt;
+  rounding.mean_edge = sum / (3.0 * mesh.num_faces());
   return rounding;
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include <Eigen/Core>
@@ -52,10 +53,10 @@ struct SingleRounding {
   double farthest = 0;   ///< largest magnitude of a coordinate on a face
   double most = 0;       ///< that such a coordinate is rounded by
   double mean_edge = 0;  ///< mesh units, as all of them
-
-  /// The shape has suffered.
-  bool is_coarse() const { return most > 0.01 * mean_edge; }
 };
-SingleRounding RoundingInSinglePrecision(const TriangleMesh& mesh);
+
+/// Where the shape suffers from it: coordinates are rounded by more than a
+/// hundredth of the mean edge. REQUIRES: a face.
+std::optional<SingleRounding> CoarseRounding(const TriangleMesh& mesh);
 
 }  // namespace isomatch

@@ -2,11 +2,14 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <future>
+#include <iterator>
 #include <limits>
 #include <optional>
 #include <utility>
 #include <vector>
 
+#include "absl/algorithm/container.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_split.h"
@@ -14,6 +17,7 @@
 #include "core/base/status_macros.h"
 #include "core/io/draco_mesh.h"
 #include "core/mesh/mesh_geometry.h"
+#include "core/mesh/mesh_size.h"
 #include "server/convert/digest.h"
 #include "server/convert/labels.h"
 #include "server/jobs/errors.h"
@@ -42,11 +46,17 @@ struct FoundBytes {
   BlobStore::Blob held = nullptr;
 };
 
+/// The memory that reading a mesh may take, and what of it is taken.
+struct ReadingRoom {
+  std::int64_t held_bytes = 0;
+  std::int64_t most_bytes;
+};
+
 absl::StatusOr<FoundBytes> FindBytes(const v1::Mesh& mesh,
                                      const std::string& field,
                                      const ParseContext& context,
                                      const std::string& tenant,
-                                     std::int64_t held_bytes) {
+                                     const ReadingRoom& room) {
   if (mesh.has_draco()) return FoundBytes{mesh.draco()};
   if (!mesh.has_digest()) {
     return InvalidField(field, "no source, expected draco or digest");
@@ -55,9 +65,8 @@ absl::StatusOr<FoundBytes> FindBytes(const v1::Mesh& mesh,
   const std::string path = field + ".digest";
   ISOMATCH_RETURN_IF_ERROR(ValidateDigest(digest, path, context.limits));
   const auto size = static_cast<std::int64_t>(digest.size_bytes());
-  const std::int64_t most = context.limits.max_reading_bytes;
-  if (size > most - held_bytes) {
-    return MeshesNeedMoreMemory(held_bytes + size, most);
+  if (size > room.most_bytes - room.held_bytes) {
+    return MeshesNeedMoreMemory(room.held_bytes + size, room.most_bytes);
   }
   auto blob = context.blobs->Get({tenant, digest.sha256()});
   if (absl::IsNotFound(blob.status())) {
@@ -73,30 +82,35 @@ absl::StatusOr<FoundBytes> FindBytes(const v1::Mesh& mesh,
   return FoundBytes{bytes, *std::move(blob)};
 }
 
-/// DecodeDraco within max_reading_bytes, of which `held_bytes` are taken.
-absl::StatusOr<TriangleMesh> DecodeWithin(const RequestLimits& limits,
+absl::StatusOr<TriangleMesh> DecodeWithin(DracoLimits limits,
                                           absl::string_view bytes,
                                           VertexOrder order,
                                           std::uint32_t vertex_count,
-                                          std::int64_t held_bytes) {
-  DracoLimits draco = limits.draco;
-  draco.reserve = [&](std::int64_t more_bytes) {
-    held_bytes += more_bytes;
-    return held_bytes <= limits.max_reading_bytes
+                                          ReadingRoom room) {
+  limits.reserve = [&room](std::int64_t more_bytes) {
+    room.held_bytes += more_bytes;
+    return room.held_bytes <= room.most_bytes
                ? absl::OkStatus()
-               : MeshesNeedMoreMemory(held_bytes, limits.max_reading_bytes);
+               : MeshesNeedMoreMemory(room.held_bytes, room.most_bytes);
   };
-  return DecodeDraco(bytes, order, vertex_count, draco);
+  return DecodeDraco(bytes, order, vertex_count, limits);
 }
+
+/// A mesh of the request, and what is to be said of it.
+struct ParsedMesh {
+  TriangleMesh mesh;
+  std::vector<std::string> warnings;
+};
 
 /// Adds a warning where the map would count vertices in an order that the
 /// client may not know of.
 void WarnOfDracosOrder(v1::VertexOrder order, const std::string& field,
-                       absl::string_view bytes, JobSpec& spec) {
+                       absl::string_view bytes,
+                       std::vector<std::string>& warnings) {
   if (order != v1::VERTEX_ORDER_UNSPECIFIED || !RenumbersVertices(bytes)) {
     return;
   }
-  spec.warnings.push_back(absl::StrCat(
+  warnings.push_back(absl::StrCat(
       field,
       ": vertex_order is not set and the mesh is encoded by edgebreaker, which "
       "gives vertices other numbers: landmarks and map count them as Draco's "
@@ -107,24 +121,22 @@ void WarnOfDracosOrder(v1::VertexOrder order, const std::string& field,
 
 /// Adds a warning where single precision, in which Draco's coordinates come,
 /// has rounded the mesh's shape, as far from the origin.
-void WarnOfRounding(const TriangleMesh& mesh, const std::string& field,
-                    JobSpec& spec) {
-  const SingleRounding rounding = RoundingInSinglePrecision(mesh);
-  if (!rounding.is_coarse()) return;
-  spec.warnings.push_back(absl::StrFormat(
+void WarnOfRounding(const std::string& field, ParsedMesh& parsed) {
+  const std::optional<SingleRounding> rounding = CoarseRounding(parsed.mesh);
+  if (!rounding) return;
+  parsed.warnings.push_back(absl::StrFormat(
       "%s: coordinates of up to %.3g are rounded by %.3g in single precision, "
       "more than a hundredth of the mean edge (%.3g): subtract the mesh's "
       "middle before it is encoded",
-      field, rounding.farthest, rounding.most, rounding.mean_edge));
+      field, rounding->farthest, rounding->most, rounding->mean_edge));
 }
 
-/// Returns a mesh of the request. What it warns of is added to `spec`, which
-/// has the meshes that were read before.
-absl::StatusOr<TriangleMesh> ParseMesh(const v1::Mesh& mesh,
-                                       const std::string& field,
-                                       const ParseContext& context,
-                                       const std::string& tenant,
-                                       JobSpec& spec) {
+/// Returns a mesh of the request, read within `room`.
+absl::StatusOr<ParsedMesh> ParseMesh(const v1::Mesh& mesh,
+                                     const std::string& field,
+                                     const ParseContext& context,
+                                     const std::string& tenant,
+                                     ReadingRoom room) {
   ISOMATCH_ASSIGN_OR_RETURN(
       const VertexOrder order,
       ParseVertexOrder(mesh.vertex_order(), field + ".vertex_order"));
@@ -134,28 +146,69 @@ absl::StatusOr<TriangleMesh> ParseMesh(const v1::Mesh& mesh,
                         absl::StrCat(mesh.vertex_count(), ", expected at most ",
                                      limits.max_vertices));
   }
-  std::int64_t held_bytes = MeshBytes(spec);
-  ISOMATCH_ASSIGN_OR_RETURN(
-      const FoundBytes found,
-      FindBytes(mesh, field, context, tenant, held_bytes));
+  ISOMATCH_ASSIGN_OR_RETURN(const FoundBytes found,
+                            FindBytes(mesh, field, context, tenant, room));
   const absl::string_view bytes = found.bytes;
-  if (found.held) held_bytes += static_cast<std::int64_t>(found.held->size());
-  WarnOfDracosOrder(mesh.vertex_order(), field, bytes, spec);
-  auto decoded = DecodeWithin(context.limits, bytes, order, mesh.vertex_count(),
-                              held_bytes);
-  if (absl::IsFailedPrecondition(decoded.status())) return decoded.status();
+  if (found.held) {
+    room.held_bytes += static_cast<std::int64_t>(found.held->size());
+  }
+  ParsedMesh parsed;
+  WarnOfDracosOrder(mesh.vertex_order(), field, bytes, parsed.warnings);
+  auto decoded = DecodeWithin(limits, bytes, order, mesh.vertex_count(), room);
+  if (IsNeedsMoreMemory(decoded.status())) return decoded.status();
   if (absl::IsResourceExhausted(decoded.status())) return OutOfMemory();
   if (!decoded.ok()) {
     return MeshMalformed(field + (found.held ? ".digest" : ".draco"),
                          std::string(decoded.status().message()));
   }
-  const absl::Status valid = ValidateMesh(*decoded, field);
+  parsed.mesh = *std::move(decoded);
+  const absl::Status valid = ValidateMesh(parsed.mesh, field);
   if (!valid.ok()) {
     return MeshMalformed(LeadingFieldPath(valid.message(), field),
                          std::string(valid.message()));
   }
-  WarnOfRounding(*decoded, field, spec);
-  return decoded;
+  WarnOfRounding(field, parsed);
+  return parsed;
+}
+
+/// Reads both meshes of the request into `spec`: at the same time where jobs
+/// may have two threads and half the room does for each mesh, else Y once X
+/// takes no more than its mesh.
+absl::Status ParseMeshes(const v1::CreateJobRequest& request,
+                         const ParseContext& context, const std::string& tenant,
+                         JobSpec& spec) {
+  const auto parse_x = [&](const ReadingRoom& room) {
+    return ParseMesh(request.mesh_x(), "mesh_x", context, tenant, room);
+  };
+  const auto parse_y = [&](const ReadingRoom& room) {
+    return ParseMesh(request.mesh_y(), "mesh_y", context, tenant, room);
+  };
+  const std::int64_t most = context.limits.max_reading_bytes;
+  absl::StatusOr<ParsedMesh> x;
+  absl::StatusOr<ParsedMesh> y;
+  const bool at_once = context.threads_per_job > 1;
+  if (at_once) {
+    const ReadingRoom half = {.most_bytes = most / 2};
+    // Where there is no thread for it now, get() reads it.
+    std::future<absl::StatusOr<ParsedMesh>> reading_y =
+        std::async([&] { return parse_y(half); });
+    x = parse_x(half);
+    y = reading_y.get();
+  }
+  if (!at_once || IsNeedsMoreMemory(x.status()) ||
+      IsNeedsMoreMemory(y.status())) {
+    y = absl::StatusOr<ParsedMesh>();
+    if (!x.ok()) x = parse_x({.most_bytes = most});
+    ISOMATCH_RETURN_IF_ERROR(x.status());
+    y = parse_y({static_cast<std::int64_t>(MeshBytes(SizeOf(x->mesh))), most});
+  }
+  ISOMATCH_RETURN_IF_ERROR(x.status());
+  ISOMATCH_RETURN_IF_ERROR(y.status());
+  spec.mesh_x = std::move(x->mesh);
+  spec.mesh_y = std::move(y->mesh);
+  absl::c_move(x->warnings, std::back_inserter(spec.warnings));
+  absl::c_move(y->warnings, std::back_inserter(spec.warnings));
+  return absl::OkStatus();
 }
 
 absl::Status CheckRange(std::int64_t vertex, std::int64_t vertices,
@@ -378,10 +431,7 @@ absl::StatusOr<JobSpec> ParseCreateJob(const v1::CreateJobRequest& request,
                                        const std::string& tenant) {
   JobSpec spec;
   ISOMATCH_RETURN_IF_ERROR(ParseScalars(request, context, spec));
-  ISOMATCH_ASSIGN_OR_RETURN(spec.mesh_x, ParseMesh(request.mesh_x(), "mesh_x",
-                                                   context, tenant, spec));
-  ISOMATCH_ASSIGN_OR_RETURN(spec.mesh_y, ParseMesh(request.mesh_y(), "mesh_y",
-                                                   context, tenant, spec));
+  ISOMATCH_RETURN_IF_ERROR(ParseMeshes(request, context, tenant, spec));
   ISOMATCH_RETURN_IF_ERROR(ParseLandmarks(request, context, spec));
   ISOMATCH_RETURN_IF_ERROR(PlanMemory(context, spec));
   return spec;

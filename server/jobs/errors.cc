@@ -18,6 +18,7 @@ constexpr char kField[] = "isomatch/field";
 constexpr char kRetryAfter[] = "isomatch/retry_after";
 constexpr char kStorageFailed[] = "STORAGE_FAILED";
 constexpr char kContentUnavailable[] = "CONTENT_UNAVAILABLE";
+constexpr char kNeedsMoreMemory[] = "JOB_NEEDS_MORE_MEMORY_THAN_BUDGET";
 constexpr char kMetadata[] = "isomatch/metadata/";
 
 /// Disks fill and empty slowly.
@@ -88,8 +89,7 @@ absl::Status Timeout(absl::string_view reason, absl::string_view what,
 absl::Status NeedsMoreMemory(absl::string_view what, std::int64_t needed_bytes,
                              std::int64_t budget_bytes) {
   return Make(
-      absl::StatusCode::kFailedPrecondition,
-      "JOB_NEEDS_MORE_MEMORY_THAN_BUDGET",
+      absl::StatusCode::kFailedPrecondition, kNeedsMoreMemory,
       absl::StrCat(what, " may need ", needed_bytes, " bytes, the server has ",
                    budget_bytes, " for that; retrying does not help"),
       {{"needed_bytes", absl::StrCat(needed_bytes)},
@@ -330,6 +330,10 @@ absl::Status ContentUnavailable(const std::string& what,
 
 bool IsStorageFailed(const absl::Status& status) {
   return status.GetPayload(kReason) == absl::Cord(kStorageFailed);
+}
+
+bool IsNeedsMoreMemory(const absl::Status& status) {
+  return status.GetPayload(kReason) == absl::Cord(kNeedsMoreMemory);
 }
 
 bool IsContentUnavailable(const absl::Status& status) {

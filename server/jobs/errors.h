@@ -100,6 +100,8 @@ absl::Status OffsetOutOfRange(std::uint64_t offset,           // OUT_OF_RANGE
 // later.
 bool IsStorageFailed(const absl::Status& status);
 bool IsContentUnavailable(const absl::Status& status);
+// Whether it is a JobNeedsMoreMemoryThanBudget or MeshesNeedMoreMemory.
+bool IsNeedsMoreMemory(const absl::Status& status);
 
 /// What a client's program may use of an error, beside its code and message.
 struct ErrorDetails {

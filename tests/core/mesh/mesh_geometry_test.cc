@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <numbers>
+#include <optional>
 
 #include <gtest/gtest.h>
 
@@ -47,6 +48,32 @@ TEST(SignedVolume6Test, SumsToSixTimesTheVolumeWhateverTheOrigin) {
 TEST(MeanEdgeLengthTest, CountsTheEdgesOfEachFace) {
   const double diagonal = std::sqrt(2.0);
   EXPECT_NEAR(MeanEdgeLength(PlaneGrid(4, 4, 4, 4)), (2 + diagonal) / 3, 1e-12);
+}
+
+TEST(BoxOfFacesTest, LeavesVerticesOnNoFaceOut) {
+  TriangleMesh grid = PlaneGrid(2, 3, 2, 3);
+  grid.positions.conservativeResize(grid.num_vertices() + 1, Eigen::NoChange);
+  grid.positions.bottomRows(1) << 9, -9, 9;
+  const Eigen::AlignedBox3d box = BoxOfFaces(grid);
+  EXPECT_EQ(box.min(), Eigen::Vector3d(0, 0, 0));
+  EXPECT_EQ(box.max(), Eigen::Vector3d(2, 3, 0));
+}
+
+TEST(CoarseRoundingTest, IsToldFromAHundredthOfTheMeanEdgeOn) {
+  const double edge = MeanEdgeLength(PlaneGrid(4, 4, 4, 4));
+  // Coordinates of this size are rounded by so much.
+  const double far = 0.01 * edge * std::ldexp(1.0, 24);
+  for (const double sign : {-1.0, 1.0}) {
+    TriangleMesh grid = PlaneGrid(4, 4, 4, 4);
+    grid.positions.col(1).array() += sign * 0.999 * far;
+    EXPECT_FALSE(CoarseRounding(grid));
+    grid.positions.col(1).array() += sign * 0.002 * far;
+    const std::optional<SingleRounding> rounding = CoarseRounding(grid);
+    ASSERT_TRUE(rounding);
+    EXPECT_NEAR(rounding->farthest, 1.001 * far, 4.001);
+    EXPECT_NEAR(rounding->most, 0.01 * edge, 0.0001 * edge);
+    EXPECT_NEAR(rounding->mean_edge, edge, 1e-9 * far);
+  }
 }
 
 }  // namespace
