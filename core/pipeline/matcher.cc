@@ -8,6 +8,7 @@
 #include <variant>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/parallel.h"
 #include "core/base/status_macros.h"
 #include "core/pipeline/instruction_set.h"
 #include "core/pipeline/joined_progress.h"
@@ -31,9 +32,23 @@ const MatchEngine& ChosenEngine() {
   return *ISOMATCH_MATCH_ENGINE();
 }
 
-absl::Status CheckSource(const ShapeSource& source, const std::string& field) {
+/// ValidateMesh of both, null for one that is prepared.
+absl::Status ValidateBoth(const TriangleMesh* x, const TriangleMesh* y,
+                          const MatchOptions& options) {
+  const auto validate = [](const TriangleMesh* mesh, const char* field) {
+    return mesh == nullptr ? absl::OkStatus() : ValidateMesh(*mesh, field);
+  };
+  absl::Status valid;
+  RunWithThreads(options.threads, [&] {
+    valid = RunBoth([&] { return validate(x, "mesh_x"); },
+                    [&] { return validate(y, "mesh_y"); });
+  });
+  return valid;
+}
+
+const TriangleMesh* MeshOf(const ShapeSource& source) {
   const auto* mesh = std::get_if<SharedMesh>(&source);
-  return mesh == nullptr ? absl::OkStatus() : ValidateMesh(**mesh, field);
+  return mesh == nullptr ? nullptr : &**mesh;
 }
 
 template <typename T>
@@ -107,8 +122,7 @@ absl::StatusOr<Correspondence> Match(const TriangleMesh& mesh_x,
                                      const MatchOptions& options,
                                      const MatchControl& control) {
   ISOMATCH_RETURN_IF_ERROR(options.Validate());
-  ISOMATCH_RETURN_IF_ERROR(ValidateMesh(mesh_x, "mesh_x"));
-  ISOMATCH_RETURN_IF_ERROR(ValidateMesh(mesh_y, "mesh_y"));
+  ISOMATCH_RETURN_IF_ERROR(ValidateBoth(&mesh_x, &mesh_y, options));
   ISOMATCH_RETURN_IF_ERROR(ValidateLandmarks(landmarks, mesh_x.num_vertices(),
                                              mesh_y.num_vertices()));
   ISOMATCH_ASSIGN_OR_RETURN(
@@ -144,8 +158,7 @@ absl::StatusOr<PreparedPair> PrepareBoth(ShapeSource x, ShapeSource y,
                                          const MatchOptions& options,
                                          const MatchControl& control) {
   ISOMATCH_RETURN_IF_ERROR(options.Validate());
-  ISOMATCH_RETURN_IF_ERROR(CheckSource(x, "mesh_x"));
-  ISOMATCH_RETURN_IF_ERROR(CheckSource(y, "mesh_y"));
+  ISOMATCH_RETURN_IF_ERROR(ValidateBoth(MeshOf(x), MeshOf(y), options));
   return ChosenEngine().prepare_both(std::move(x), std::move(y), options,
                                      control);
 }
