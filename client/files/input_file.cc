@@ -9,7 +9,9 @@
 #include <cerrno>
 #include <cstddef>
 #include <cstring>
+#include <filesystem>
 #include <limits>
+#include <system_error>
 #include <utility>
 
 #include "absl/functional/function_ref.h"
@@ -153,7 +155,14 @@ std::string WithoutGz(const std::string& path) {
 }
 
 absl::Status CheckInput(const std::string& path, const std::string& what) {
-  return path == kStandardInput ? absl::OkStatus() : CheckInputFile(path, what);
+  if (path == kStandardInput) return absl::OkStatus();
+  std::error_code ignored;
+  if (std::filesystem::is_fifo(path, ignored)) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "'", path, "': a pipe, expected ", what,
+        "; what another command writes is read from standard input, by -"));
+  }
+  return CheckInputFile(path, what);
 }
 
 absl::StatusOr<InputFile> ReadInput(const std::string& path,

@@ -32,7 +32,8 @@ struct InputFile {
 absl::StatusOr<InputFile> ReadInput(const std::string& path,
                                     const std::string& what);
 
-/// OK for "-", else as CheckInputFile.
+/// OK for "-"; of a pipe INVALID_ARGUMENT, which names "-"; else as
+/// CheckInputFile.
 absl::Status CheckInput(const std::string& path, const std::string& what);
 
 /// A sixteenth of this machine's memory, since what is read of a text may take

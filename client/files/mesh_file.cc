@@ -14,6 +14,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/string_view.h"
 #include "absl/types/span.h"
+#include "client/files/draco_reader.h"
 #include "client/files/glb_file.h"
 #include "client/files/gltf_reader.h"
 #include "client/files/input_file.h"
@@ -72,12 +73,14 @@ constexpr auto kFormats = std::to_array<Format>(
      {".glb", "a scene of glTF 2.0 with triangles", ReadGltfSoup},
      {".gltf", "a scene of glTF 2.0 with triangles", ReadGltfSoup},
      {".vtk", "POINTS and POLYGONS of a legacy VTK file", Alone<ReadVtkSoup>},
-     {".vtp", "Points and Polys of PolyData", Alone<ReadVtpSoup>}});
+     {".vtp", "Points and Polys of PolyData", Alone<ReadVtpSoup>},
+     {".drc", "a triangle mesh as Draco has it", Alone<ReadDracoSoup>}});
 
 // The extension that a mesh would have, by its first bytes: for standard input.
 absl::string_view ExtensionOfContent(absl::string_view bytes) {
   const absl::string_view text = absl::StripLeadingAsciiWhitespace(bytes);
   if (absl::StartsWith(bytes, "glTF")) return ".glb";
+  if (absl::StartsWith(bytes, "DRACO")) return ".drc";
   if (absl::StartsWith(text, "# vtk DataFile")) return ".vtk";
   if (absl::StartsWith(text, "<")) return ".vtp";
   if (absl::StartsWith(text, "{")) return ".gltf";

@@ -42,7 +42,7 @@ struct MeshTexture {
 
 /// The meshes that can be read, for texts.
 inline constexpr char kMeshFiles[] =
-    ".off, .obj, .ply, .stl, .glb, .gltf, .vtk or .vtp";
+    ".off, .obj, .ply, .stl, .glb, .gltf, .vtk, .vtp or .drc";
 
 /// Their extensions, in lower case, those most used first.
 std::vector<std::string> MeshExtensions();
@@ -72,9 +72,10 @@ struct LoadedMesh {
 };
 
 /// Returns the mesh of an OFF, OBJ, PLY (ascii or binary), STL, glTF (.glb,
-/// .gltf) or VTK file (.vtk, .vtp), known by its extension, after which .gz may
-/// stand; "-" is standard input, known by what it has. What gzip packed is
-/// unpacked (client/files/input_file.h). The result passes ValidateMesh.
+/// .gltf), VTK (.vtk, .vtp) or Draco file (.drc), known by its extension, after
+/// which .gz may stand; "-" is standard input, known by what it has. What gzip
+/// packed is unpacked (client/files/input_file.h). The result passes
+/// ValidateMesh.
 ///
 /// 1. Vertices keep the file's number and order, those on no face too. STL has
 ///    no vertices of its own: corners at one position become one vertex, in
@@ -89,7 +90,8 @@ struct LoadedMesh {
 ///    wrong with them or with texture coordinates does not make the mesh wrong.
 /// 5. All primitives that a glTF file's scene places are one mesh
 ///    (client/files/gltf_reader.h); a .gltf file names no others than those
-///    below its folder. Of VTK files polygons and strips are read.
+///    below its folder. Of VTK files polygons and strips are read. For Draco
+///    see client/files/draco_reader.h.
 ///
 /// Messages begin with `field` and the path, and say what was expected.
 /// NOT_FOUND: no such file. INVALID_ARGUMENT: everything else.

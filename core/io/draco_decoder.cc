@@ -21,6 +21,8 @@
 #include "draco/compression/mesh/mesh_sequential_decoder.h"
 #include "draco/core/decoder_buffer.h"
 #include "draco/mesh/mesh.h"
+#include "draco/metadata/geometry_metadata.h"
+#include "draco/metadata/metadata_decoder.h"
 
 namespace isomatch {
 namespace {
@@ -270,7 +272,7 @@ absl::StatusOr<std::vector<VertexIndex>> ReadIds(const draco::Mesh& mesh,
   if (attribute == nullptr) {
     return absl::InvalidArgumentError(
         "the stream has no attribute with metadata name=vertex_id of one "
-        "uint32, which vertex_order ID_ATTRIBUTE expects");
+        "uint32 to number its vertices by");
   }
   std::vector<VertexIndex> ids(mesh.num_points());
   for (draco::PointIndex p(0); p < mesh.num_points(); ++p) {
@@ -356,6 +358,18 @@ absl::StatusOr<TriangleMesh> DecodeUnguarded(absl::string_view bytes,
   return result;
 }
 
+bool NamesVertexIds(absl::string_view bytes) {
+  draco::DecoderBuffer buffer;
+  buffer.Init(bytes.data(), bytes.size());
+  draco::DracoHeader header;
+  draco::GeometryMetadata metadata;
+  return draco::PointCloudDecoder::DecodeHeader(&buffer, &header).ok() &&
+         (header.flags & METADATA_FLAG_MASK) != 0 &&
+         draco::MetadataDecoder().DecodeGeometryMetadata(&buffer, &metadata) &&
+         metadata.GetAttributeMetadataByStringEntry("name", "vertex_id") !=
+             nullptr;
+}
+
 }  // namespace
 
 bool RenumbersVertices(absl::string_view bytes) {
@@ -364,6 +378,14 @@ bool RenumbersVertices(absl::string_view bytes) {
   draco::DracoHeader header;
   return ReadHeader(buffer, &header).ok() &&
          header.encoder_method == draco::MESH_EDGEBREAKER_ENCODING;
+}
+
+bool HasVertexIds(absl::string_view bytes) {
+  try {
+    return NamesVertexIds(bytes);
+  } catch (const std::exception&) {
+    return false;  // DecodeDraco says why
+  }
 }
 
 absl::StatusOr<TriangleMesh> DecodeDraco(absl::string_view bytes,

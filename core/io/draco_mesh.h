@@ -56,6 +56,10 @@ absl::StatusOr<TriangleMesh> DecodeDraco(absl::string_view bytes,
 /// the header only.
 bool RenumbersVertices(absl::string_view bytes);
 
+/// Returns whether the metadata of `bytes` name a vertex_id attribute, which
+/// DecodeDraco checks with kIdAttribute.
+bool HasVertexIds(absl::string_view bytes);
+
 /// A mesh as Draco bytes, and how they number its vertices.
 struct EncodedMesh {
   std::string bytes;

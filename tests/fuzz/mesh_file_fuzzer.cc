@@ -29,7 +29,7 @@ constexpr std::array kNames = {
     "m.off",     "m.obj",    "m.ply",      "m.stl",  "map.txt",
     "map.npy",   "map.json", "places.txt", "lm.txt", "truth.txt",
     "names.txt", "m.glb",    "m.gltf",     "m.vtk",  "m.vtp",
-    "m.off.gz",  "p.csv",    "p.mrk.json", "p.fcsv"};
+    "m.off.gz",  "p.csv",    "p.mrk.json", "p.fcsv", "m.drc"};
 
 /// A folder in memory where there is one; its files are written again and
 /// again.

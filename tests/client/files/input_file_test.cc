@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <sys/eventfd.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <string>
@@ -54,6 +55,14 @@ class InputFileTest : public testing::Test {
  protected:
   TemporaryFolder folder_;
 };
+
+TEST_F(InputFileTest, APipeIsSentToStandardInput) {
+  const std::string path = folder_.Path("pipe.off");
+  ASSERT_EQ(mkfifo(path.c_str(), 0600), 0);
+  EXPECT_THAT(CheckInput(path, "a mesh"),
+              RefusedInput("pipe.off': a pipe, expected a mesh; what another"));
+  EXPECT_THAT(ReadMesh(path, "X").status(), RefusedInput("a pipe"));
+}
 
 TEST_F(InputFileTest, PackedBytesComeBack) {
   std::string bytes;
