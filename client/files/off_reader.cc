@@ -2,15 +2,18 @@
 
 #include <algorithm>
 #include <array>
+#include <charconv>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <string>
+#include <system_error>
 
+#include "absl/algorithm/container.h"
 #include "absl/status/statusor.h"
 #include "absl/strings/match.h"
-#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "absl/types/span.h"
 #include "client/files/text_colors.h"
 #include "client/files/text_file.h"
 #include "client/files/word_cursor.h"
@@ -24,7 +27,9 @@ constexpr std::int64_t kFaceBytes = 7;
 
 // Also a number with a decimal point, as tables of numbers are written.
 bool ReadWhole(absl::string_view word, std::int64_t* number) {
-  if (absl::SimpleAtoi(word, number)) return true;
+  const char* const end = word.data() + word.size();
+  const auto [stop, error] = std::from_chars(word.data(), end, *number);
+  if (error == std::errc() && stop == end) return true;
   double found = 0;
   constexpr double kMost = 1e15;
   if (!ReadFinite(word, &found) || std::floor(found) != found ||
@@ -108,6 +113,13 @@ class OffReader {
     constexpr std::array<const char*, 4> kNames = {"x", "y", "z", "w"};
     std::array<double, 4> numbers = {0, 0, 0, 1};
     const std::size_t count = is_homogeneous_ ? 4 : 3;
+    if (!has_normals_ &&
+        cursor_.TakeNumbers(absl::MakeSpan(numbers.data(), count), [&] {
+          return absl::c_all_of(numbers,
+                                [](double n) { return std::isfinite(n); });
+        })) {
+      return AddVertex(v, numbers, {});
+    }
     int first_line = 0;
     for (std::size_t i = 0; i < count; ++i) {
       const absl::string_view word = cursor_.Take();
@@ -126,7 +138,13 @@ class OffReader {
                                     count, " numbers")};
     }
     const std::size_t normals = has_normals_ ? 3 : 0;
-    colors_.Add(rest.subspan(std::min(normals, rest.size())), cursor_.line());
+    return AddVertex(v, numbers, rest.subspan(std::min(normals, rest.size())));
+  }
+
+  std::optional<MeshFault> AddVertex(
+      std::int64_t v, const std::array<double, 4>& numbers,
+      absl::Span<const absl::string_view> color) {
+    colors_.Add(color, cursor_.line());
     const double w = numbers[3];
     soup_->points.push_back({numbers[0] / w, numbers[1] / w, numbers[2] / w});
     if (w != 0) return std::nullopt;
@@ -135,7 +153,22 @@ class OffReader {
                                   " (0-based) is 0, expected another number")};
   }
 
+  // Takes a line `3 a b c`, as nearly all are.
+  bool TakeTriangle() {
+    std::array<std::int64_t, 4> line;
+    const bool is_taken = cursor_.TakeNumbers(absl::MakeSpan(line), [&] {
+      return line[0] == 3 && absl::c_all_of(line, [&](std::int64_t vertex) {
+               return vertex >= 0 && vertex < vertices_;
+             });
+    });
+    if (!is_taken) return false;
+    soup_->corners.insert(soup_->corners.end(), line.begin() + 1, line.end());
+    soup_->sizes.push_back(3);
+    return true;
+  }
+
   std::optional<MeshFault> ReadFace(std::int64_t f) {
+    if (TakeTriangle()) return std::nullopt;
     const absl::string_view size = cursor_.Take();
     if (size.empty()) return Ends("face", f);
     std::int64_t corners = 0;

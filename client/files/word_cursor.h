@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "absl/functional/function_ref.h"
 #include "absl/strings/string_view.h"
 #include "absl/types/span.h"
 #include "client/files/text_file.h"
@@ -28,6 +29,14 @@ class WordCursor {
   /// What is left on the line of the last word taken; it lasts until the next
   /// word is taken.
   absl::Span<const absl::string_view> TakeRestOfLine();
+
+  /// Takes the next line if it begins with a number, has as many as `numbers`
+  /// with spaces between, ends there, and `accepts` them: they need not be
+  /// finite. Else nothing is taken, though `numbers` may be written to, and
+  /// words tell. This takes a fifth of the time that words take.
+  template <typename Number>
+  bool TakeNumbers(absl::Span<Number> numbers,
+                   absl::FunctionRef<bool()> accepts);
 
   /// The line of the last word taken: its number, counted from 1, and in
   /// words, "line 3".
