@@ -19,7 +19,7 @@ struct ResourcePlan {
   std::int64_t prepared_bytes = 0;
 
   // What is held beside the budget: unfinished uploads, requests, the meshes
-  // that CreateJob decodes (a job that starts decodes them within its
+  // that CreateJob decodes (those of a job that starts are within its
   // reservation), and results that are being sent. Fifteen sixty-fourths of the
   // budget together; it leaves sixteen at least, the last for the process
   // itself. What one thread of the intake decodes is

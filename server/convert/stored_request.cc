@@ -46,22 +46,31 @@ BlobKey PreparedKey(const std::string& tenant, const v1::Mesh& mesh,
                       mesh.vertex_count(), " ", preparation))};
 }
 
+/// REQUIRES: the meshes are named by digest.
+void SetPreparedKeys(const std::string& tenant,
+                     const v1::CreateJobRequest& request, JobSpec& spec) {
+  const std::string preparation = PreparationText(spec.options);
+  spec.prepared_x = PreparedKey(tenant, request.mesh_x(), preparation);
+  spec.prepared_y = PreparedKey(tenant, request.mesh_y(), preparation);
+}
+
 }  // namespace
 
 std::string RequestSha256(const v1::CreateJobRequest& request) {
   return Sha256Hex(Serialize(request));
 }
 
-std::vector<JobInput> MakeJobInputs(v1::CreateJobRequest request) {
+void SetInputs(const std::string& tenant, v1::CreateJobRequest request,
+               JobSpec& spec) {
   JobInput mesh_x = TakeMesh(*request.mutable_mesh_x());
   JobInput mesh_y = TakeMesh(*request.mutable_mesh_y());
+  SetPreparedKeys(tenant, request, spec);
   std::string bytes = Serialize(request);
   std::string sha256 = Sha256Hex(bytes);
-  std::vector<JobInput> inputs;
-  inputs.push_back({std::move(sha256), std::move(bytes)});
-  inputs.push_back(std::move(mesh_x));
-  inputs.push_back(std::move(mesh_y));
-  return inputs;
+  spec.inputs.clear();
+  spec.inputs.push_back({std::move(sha256), std::move(bytes)});
+  spec.inputs.push_back(std::move(mesh_x));
+  spec.inputs.push_back(std::move(mesh_y));
 }
 
 absl::StatusOr<JobSpec> LoadJobSpec(const JobRecord& record,
@@ -81,9 +90,7 @@ absl::StatusOr<JobSpec> LoadJobSpec(const JobRecord& record,
   if (record.threads > 0) {
     spec.options.threads = std::min(spec.options.threads, record.threads);
   }
-  const std::string preparation = PreparationText(spec.options);
-  spec.prepared_x = PreparedKey(record.tenant, request.mesh_x(), preparation);
-  spec.prepared_y = PreparedKey(record.tenant, request.mesh_y(), preparation);
+  SetPreparedKeys(record.tenant, request, spec);
   return spec;
 }
 

@@ -14,10 +14,13 @@ namespace isomatch {
 /// Returns the SHA-256 of the request, the same for equal requests.
 std::string RequestSha256(const v1::CreateJobRequest& request);
 
-/// Returns what LoadJobSpec needs later: the request with digests in place of
-/// the meshes within it, then both meshes.
-/// REQUIRES: ParseCreateJob accepts the request.
-std::vector<JobInput> MakeJobInputs(v1::CreateJobRequest request);
+/// Sets what LoadJobSpec needs later, the inputs: the request with digests in
+/// place of the meshes within it, then both meshes. Sets what the prepared
+/// shapes are found by, too. LoadJobSpec then returns the same, but for the
+/// inputs and request_sha256, which it leaves empty. REQUIRES: `spec` is what
+/// ParseCreateJob made of the request.
+void SetInputs(const std::string& tenant, v1::CreateJobRequest request,
+               JobSpec& spec);
 
 /// Reads a job again from its inputs. DATA_LOSS (CONTENT_LOST) when the request
 /// is not there; errors of ParseCreateJob, MESH_MISSING and

@@ -51,7 +51,8 @@ struct JobSpec {
   /// are not looked for.
   std::optional<BlobKey> prepared_x;
   std::optional<BlobKey> prepared_y;
-  /// What all above is read from again when the job starts.
+  /// What all above is read from again when the job starts, if that is not as
+  /// soon as it was created. Emptied when it is stored.
   std::vector<JobInput> inputs;
 };
 

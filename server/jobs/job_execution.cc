@@ -46,10 +46,15 @@ void JobExecution::Run(const std::shared_ptr<LiveJob>& live) {
 absl::Status JobExecution::RunToEnd(LiveJob& live, Progress& progress) {
   ISOMATCH_ASSIGN_OR_RETURN(progress.started, Start(live));
   const JobRecord& record = *progress.started;
+  const auto take_spec = [&]() -> absl::StatusOr<JobSpec> {
+    const std::unique_ptr<JobSpec> created = std::move(live.spec);
+    return created != nullptr ? std::move(*created)
+                              : environment_.load_spec(record);
+  };
   ISOMATCH_ASSIGN_OR_RETURN(
       RunOutcome outcome,
       environment_.runner->Run(
-          [&] { return environment_.load_spec(record); },
+          take_spec,
           [&](const JobProgress& now) { ReportProgress(live.id, now); },
           {live.stop.get_token(), live.hurry.get_token()}));
   return WhenStoreAnswers(

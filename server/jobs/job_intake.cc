@@ -125,7 +125,7 @@ absl::StatusOr<JobSnapshot> JobIntake::Create(const Caller& caller,
     ISOMATCH_ASSIGN_OR_RETURN(seat, TakeSeat(caller, ""));
   }
   record.id = environment_.new_id();
-  return Accept(caller, record, std::move(spec.inputs));
+  return Accept(caller, record, std::make_unique<JobSpec>(std::move(spec)));
 }
 
 JobRecord JobIntake::NewRecord(const Caller& caller,
@@ -157,13 +157,13 @@ JobRecord JobIntake::NewRecord(const Caller& caller,
 
 absl::StatusOr<JobSnapshot> JobIntake::Accept(const Caller& caller,
                                               const JobRecord& record,
-                                              std::vector<JobInput> inputs) {
+                                              std::unique_ptr<JobSpec> spec) {
   const std::string& id = record.id;
   // Before others can end it, so that its end finds it guarded.
   const bool is_guarded =
       record.cancel_when_unwatched && environment_.shared == nullptr;
   if (is_guarded) lifecycle_.guard().Guard(id);
-  const auto stored = Store(record, std::move(inputs));
+  const auto stored = Store(record, std::exchange(spec->inputs, {}));
   if (!stored.ok()) {
     lifecycle_.guard().Release(id);
     // The same request may have come twice at the same time.
@@ -175,7 +175,7 @@ absl::StatusOr<JobSnapshot> JobIntake::Accept(const Caller& caller,
   }
   const absl::Status queued = WithinMemory([&] {
     environment_.on_state(*stored);
-    scheduler_.Enqueue(*stored);
+    scheduler_.Enqueue(*stored, std::move(spec));
     return absl::OkStatus();
   });
   if (!queued.ok()) {

@@ -54,7 +54,7 @@ class JobIntake {
   JobRecord NewRecord(const Caller& caller, const JobSpec& spec) const;
   absl::StatusOr<JobSnapshot> Accept(const Caller& caller,
                                      const JobRecord& record,
-                                     std::vector<JobInput> inputs);
+                                     std::unique_ptr<JobSpec> spec);
   absl::StatusOr<JobRecord> Store(const JobRecord& record,
                                   std::vector<JobInput> inputs);
   absl::Status StoreInputs(const JobRecord& record,

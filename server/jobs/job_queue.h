@@ -12,6 +12,7 @@
 #include <unordered_map>
 #include <vector>
 
+#include "server/engine/job_spec.h"
 #include "server/jobs/memory_budget.h"
 #include "server/machine/executor.h"
 #include "server/storage/job_record.h"
@@ -54,6 +55,9 @@ struct LiveJob {
   int unreadable = 0;
   /// The record of one that a SharedQueue has claimed: RUNNING already.
   std::optional<JobRecord> claimed;
+  /// What to run, where the job starts as soon as it was created; else null,
+  /// and it is loaded.
+  std::unique_ptr<JobSpec> spec;
   /// Runs out at the queue timeout or, once the job runs, at the run timeout.
   Executor::Timer timer;
   Executor::Timer deadline_timer;
@@ -69,8 +73,9 @@ struct LiveJob {
     unreadable = other.unreadable;
   }
 
-  /// Gives back reservation and timer.
+  /// Gives back the meshes, the reservation and the timers.
   void Release() {
+    spec.reset();
     reservation = MemoryBudget::Reservation();
     timer.reset();
     deadline_timer.reset();
@@ -122,6 +127,8 @@ class JobQueue {
   /// `most_bytes` is passed by all. O(tenants) for each job that is looked at.
   std::shared_ptr<LiveJob> PopFitting(MemoryBudget& budget,
                                       std::int64_t most_bytes = kAnyBytes);
+
+  bool Has(const std::string& id) const { return by_id_.count(id) > 0; }
 
   /// Whether a job that is not held needs more than this. O(jobs).
   bool HasLargerThan(std::int64_t bytes) const;

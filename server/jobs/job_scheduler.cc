@@ -6,6 +6,7 @@
 #include <optional>
 #include <utility>
 
+#include "absl/cleanup/cleanup.h"
 #include "core/base/status_macros.h"
 #include "server/jobs/errors.h"
 #include "server/jobs/within_memory.h"
@@ -159,9 +160,18 @@ void JobScheduler::EndBegin() {
   Dispatch();
 }
 
-void JobScheduler::Enqueue(const JobRecord& record) {
+void JobScheduler::Enqueue(const JobRecord& record,
+                           std::unique_ptr<JobSpec> spec) {
   if (is_shared()) return Dispatch();
-  PutInQueue(NewLive(record));
+  const std::shared_ptr<LiveJob> live = NewLive(record);
+  live->spec = std::move(spec);
+  // Of jobs that wait nobody counts the memory.
+  const absl::Cleanup drop_if_it_waits = [&] {
+    std::unique_ptr<JobSpec> dropped;
+    MutexLock lock(mutex_);
+    if (queue_.Has(live->id)) dropped = std::move(live->spec);
+  };
+  PutInQueue(live);
   Dispatch();
 }
 
@@ -267,24 +277,16 @@ std::shared_ptr<LiveJob> JobScheduler::ClaimNext() {
     }
     ++running_;  // a place for it
   }
-  const auto give_place_back = [this] {
+  absl::Cleanup give_place_back = [this] {
+    MutexLock lock(mutex_);
     --running_;
     idle_.NotifyAll();
   };
-  std::shared_ptr<LiveJob> live;
-  try {
-    live = shared_queue_.Claim();
-  } catch (const std::bad_alloc&) {
-    MutexLock lock(mutex_);
-    give_place_back();
-    throw;
-  }
-  MutexLock lock(mutex_);
-  if (live == nullptr) {
-    give_place_back();
-    return nullptr;
-  }
+  std::shared_ptr<LiveJob> live = shared_queue_.Claim();
+  if (live == nullptr) return nullptr;
+  MutexLock lock(mutex_);  // given back before the place is
   live_[live->id] = live;
+  std::move(give_place_back).Cancel();
   if (draining_) live->stop.request_stop();  // it goes back at once
   return live;
 }

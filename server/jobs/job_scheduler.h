@@ -11,6 +11,7 @@
 #include "absl/status/status.h"
 #include "absl/time/time.h"
 #include "core/base/mutex.h"
+#include "server/engine/job_spec.h"
 #include "server/jobs/disk_work.h"
 #include "server/jobs/job_environment.h"
 #include "server/jobs/job_lifecycle.h"
@@ -117,8 +118,10 @@ class JobScheduler {
   void Begin();
   void EndBegin();
 
-  /// A QUEUED job takes its place, and starts when its turn has come.
-  void Enqueue(const JobRecord& record);
+  /// A QUEUED job takes its place, and starts when its turn has come. When that
+  /// is now, it need not load what it is to run, if `spec` is that.
+  void Enqueue(const JobRecord& record,
+               std::unique_ptr<JobSpec> spec = nullptr);
 
   /// Once the worker of `before` has come back: if the store has the job as
   /// QUEUED, whoever made it so, it takes its old place; it is held if its

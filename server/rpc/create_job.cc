@@ -30,7 +30,7 @@ constexpr std::int64_t kLeastBytes = 16 << 10;
 
 absl::StatusOr<JobSnapshot> Create(const ServiceContext& context,
                                    const Caller& caller,
-                                   const v1::CreateJobRequest& request,
+                                   v1::CreateJobRequest request,
                                    JobIntake::SeatPtr seat) {
   const std::string sha256 =
       request.request_id().empty() ? "" : RequestSha256(request);
@@ -41,7 +41,7 @@ absl::StatusOr<JobSnapshot> Create(const ServiceContext& context,
   ISOMATCH_ASSIGN_OR_RETURN(
       JobSpec spec, ParseCreateJob(request, context.parse, caller.tenant));
   spec.request_sha256 = sha256;
-  if (!spec.validate_only) spec.inputs = MakeJobInputs(request);
+  if (!spec.validate_only) SetInputs(caller.tenant, std::move(request), spec);
   return context.manager->Create(caller, std::move(spec), std::move(seat));
 }
 
@@ -52,8 +52,9 @@ absl::Status Answer(const ServiceContext& context, const Caller& caller,
   if (!ParseRaw(raw, request)) {
     return InvalidField("request", "expected a message CreateJobRequest");
   }
-  ISOMATCH_ASSIGN_OR_RETURN(const JobSnapshot snapshot,
-                            Create(context, caller, request, std::move(seat)));
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const JobSnapshot snapshot,
+      Create(context, caller, std::move(request), std::move(seat)));
   v1::CreateJobResponse created;
   *created.mutable_job() = ToProto(snapshot);
   response = SerializeRaw(created);

@@ -12,10 +12,15 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/sha256.h"
 #include "core/io/draco_mesh.h"
+#include "core/mesh/mesh_size.h"
 #include "server/convert/request_limits.h"
+#include "server/convert/stored_request.h"
+#include "server/jobs/errors.h"
+#include "server/storage/memory_blob_store.h"
 #include "tests/server/test_server.h"
 #include "tests/support/draco_stream.h"
 #include "tests/support/shapes.h"
+#include "tests/support/unprepared_engine.h"
 
 namespace isomatch {
 namespace {
@@ -261,6 +266,85 @@ TEST_F(ParseCreateJobTest, ThePapersProfileHasNoDeadline) {
   request.mutable_deadline()->set_seconds(1);
   request.mutable_options()->set_profile(v1::PROFILE_PAPER);
   ExpectRefused(request, "INVALID_FIELD", "deadline");
+}
+
+// Where there is no room to read both at the same time.
+TEST(ReadingRoomTest, MeshesAreReadOneAfterTheOther) {
+  MemoryBlobStore blobs(0);
+  PreparedCache no_cache(0, nullptr);
+  const JobRunner runner(
+      UnpreparedEngine(), [](auto&&...) { return std::string(); }, absl::Now,
+      no_cache);
+  ParseContext context = {
+      .blobs = &blobs, .runner = &runner, .limits = {}, .threads_per_job = 2};
+  const auto least_room = [&](const v1::CreateJobRequest& request) {
+    std::int64_t below = 0;
+    std::int64_t enough = 1 << 24;
+    while (enough - below > 1) {
+      context.limits.max_reading_bytes = (below + enough) / 2;
+      const auto parsed = ParseCreateJob(request, context, "");
+      const bool fits = parsed.ok();
+      EXPECT_TRUE(fits || IsNeedsMoreMemory(parsed.status()));
+      (fits ? enough : below) = context.limits.max_reading_bytes;
+    }
+    return enough;
+  };
+  v1::CreateJobRequest request;
+  *request.mutable_mesh_x() = ToDraco(UnitSphere(0));
+  *request.mutable_mesh_y() = ToDraco(UnitSphere(3));
+  const std::int64_t for_one = least_room(request);
+  *request.mutable_mesh_x() = request.mesh_y();
+  const std::int64_t for_both = least_room(request);
+  const MeshSize size = SizeOf(UnitSphere(3));
+  EXPECT_EQ(for_both - for_one,
+            static_cast<std::int64_t>(MeshBytes(size) -
+                                      MeshBytes(SizeOf(UnitSphere(0)))));
+}
+
+// A job runs on either, by whether it had to wait.
+TEST(StoredRequestTest, WhatIsLoadedIsWhatWasParsed) {
+  MemoryBlobStore blobs(std::int64_t{1} << 20);
+  PreparedCache no_cache(0, nullptr);
+  const JobRunner runner(
+      UnpreparedEngine(), [](auto&&...) { return std::string(); }, absl::Now,
+      no_cache);
+  const ParseContext context = {
+      .blobs = &blobs, .runner = &runner, .limits = {}, .threads_per_job = 2};
+  v1::CreateJobRequest request;
+  *request.mutable_mesh_x() = ToDraco(UnitSphere(1));
+  *request.mutable_mesh_y() = ToDraco(UnitSphere(2));
+  request.mutable_mesh_x()->clear_vertex_order();  // which is warned of
+  request.add_landmarks()->set_y(7);
+  request.mutable_options()->set_random_seed(9);
+  request.mutable_deadline()->set_seconds(3);
+  auto parsed = ParseCreateJob(request, context, "tenant");
+  ASSERT_THAT(parsed, IsOk());
+  SetInputs("tenant", request, *parsed);
+  JobRecord record;
+  record.tenant = "tenant";
+  record.threads = parsed->options.threads;
+  for (const JobInput& input : parsed->inputs) {
+    record.inputs.push_back(input.sha256);
+    ASSERT_THAT(
+        blobs.Put({"tenant", input.sha256}, *input.bytes, Keep::kPinned),
+        IsOk());
+  }
+  const auto loaded = LoadJobSpec(record, context);
+  ASSERT_THAT(loaded, IsOk());
+  EXPECT_EQ(loaded->mesh_x.positions, parsed->mesh_x.positions);
+  EXPECT_EQ(loaded->mesh_x.faces, parsed->mesh_x.faces);
+  EXPECT_EQ(loaded->mesh_y.positions, parsed->mesh_y.positions);
+  EXPECT_EQ(loaded->landmarks[0].y, 7);
+  EXPECT_EQ(loaded->options.random_seed, parsed->options.random_seed);
+  EXPECT_EQ(loaded->options.threads, parsed->options.threads);
+  EXPECT_EQ(loaded->deadline, parsed->deadline);
+  EXPECT_THAT(parsed->warnings, testing::SizeIs(1));
+  EXPECT_EQ(loaded->warnings, parsed->warnings);
+  ASSERT_TRUE(parsed->prepared_x && parsed->prepared_y);
+  EXPECT_EQ(loaded->prepared_x->sha256, parsed->prepared_x->sha256);
+  EXPECT_EQ(loaded->prepared_y->sha256, parsed->prepared_y->sha256);
+  EXPECT_EQ(loaded->prepared_x->tenant, parsed->prepared_x->tenant);
+  EXPECT_NE(loaded->prepared_x->sha256, loaded->prepared_y->sha256);
 }
 
 TEST_F(ParseCreateJobTest, AMeshThatWasNotUploaded) {

@@ -63,6 +63,14 @@ class JobStorageTest : public JobManagerTest {
     return *manager_->Get(caller_, id);
   }
 
+  /// A job that waited behind another, and is loaded when it starts.
+  std::string CreateThatIsLoaded() {
+    Create();
+    const std::string id = Create();
+    EXPECT_TRUE(workers_.RunNext());
+    return id;
+  }
+
   /// A job with a request, which is its own, and these meshes.
   std::string CreateWith(const std::vector<std::string>& meshes) {
     JobSpec spec = Needing(1);
@@ -269,7 +277,7 @@ TEST_F(JobStorageTest, AStoppingServerDoesNotTryTheDiskAnyMore) {
 }
 
 TEST_F(JobStorageTest, AJobWhoseInputsCannotBeReadNowWaitsAndIsPassed) {
-  const std::string id = Create();
+  const std::string id = CreateThatIsLoaded();
   JobSpec other = Needing(1);
   other.labels = {{"any", ""}};
   inputs_ = absl::UnavailableError("too many open files");
@@ -296,7 +304,7 @@ TEST_F(JobStorageTest, AJobWhoseInputsCannotBeReadNowWaitsAndIsPassed) {
 }
 
 TEST_F(JobStorageTest, InputsThatCannotBeReadForAnHourAreLost) {
-  const std::string id = Create();
+  const std::string id = CreateThatIsLoaded();
   inputs_ = absl::UnavailableError("permission denied");
   absl::Duration waited;
   while (StateOf(id) == "QUEUED" && waited < absl::Hours(3)) {
@@ -311,7 +319,7 @@ TEST_F(JobStorageTest, InputsThatCannotBeReadForAnHourAreLost) {
 }
 
 TEST_F(JobStorageTest, AJobThatWaitsForItsInputsCanBeCancelled) {
-  const std::string id = Create();
+  const std::string id = CreateThatIsLoaded();
   inputs_ = absl::UnavailableError("too many open files");
   EXPECT_TRUE(workers_.RunNext());
   EXPECT_THAT(manager_->Cancel(caller_, id), IsOk());
