@@ -288,11 +288,12 @@ ISOMATCH_API const double* isomatch_result_eigenvalues_y(
 /* A mesh file in memory. */
 typedef struct isomatch_mesh_file isomatch_mesh_file;
 
-/* Reads OFF, OBJ, PLY, STL, glTF, GLB or VTK, known by its extension, packed by
- * gzip or not; "-" is standard input. Vertices keep the file's number and
- * order; equal corners of an STL are joined. Quadrilaterals are cut
- * along their shorter diagonal, larger polygons into a fan. An error's field is
- * "path", and its message names the line. */
+/* Reads OFF, OBJ, PLY, STL, glTF, GLB, VTK or Draco, known by its extension,
+ * packed by gzip or not; "-" is standard input. Vertices keep the file's number
+ * and order, those of Draco the numbers of its vertex_id attribute, if it has
+ * one; equal corners of an STL are joined. Quadrilaterals are cut along their
+ * shorter diagonal, larger polygons into a fan. An error's field is "path", and
+ * its message names the line. */
 ISOMATCH_API isomatch_status isomatch_mesh_file_read(const char* path,
                                                      isomatch_mesh_file** file,
                                                      isomatch_error** error);
