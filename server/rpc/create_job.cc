@@ -122,6 +122,15 @@ absl::StatusOr<std::shared_ptr<Waiting>> TakeIn(
   return waiting;
 }
 
+absl::Status AnswerWaiting(const ServiceContext& context, const Caller& caller,
+                           const grpc::ByteBuffer& request, Waiting& waiting,
+                           grpc::ByteBuffer& response) {
+  if (SeatsAreInADatabase(context)) {
+    ISOMATCH_RETURN_IF_ERROR(TakeSeat(context, caller, waiting));
+  }
+  return Answer(context, caller, request, std::move(waiting.seat), response);
+}
+
 }  // namespace
 
 grpc::ServerUnaryReactor* StartCreateJob(const ServiceContext& context,
@@ -142,12 +151,8 @@ grpc::ServerUnaryReactor* StartCreateJob(const ServiceContext& context,
         if (call->IsCancelled()) {
           return reactor->Finish(grpc::Status::CANCELLED);
         }
-        const absl::Status answered = WithinMemory([&]() -> absl::Status {
-          if (SeatsAreInADatabase(context)) {
-            ISOMATCH_RETURN_IF_ERROR(TakeSeat(context, caller, *waiting));
-          }
-          return Answer(context, caller, *request, std::move(waiting->seat),
-                        *response);
+        const absl::Status answered = WithinMemory([&] {
+          return AnswerWaiting(context, caller, *request, *waiting, *response);
         });
         reactor->Finish(ToGrpc(answered));
       });

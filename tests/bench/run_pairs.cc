@@ -5,6 +5,7 @@
 #include <optional>
 #include <set>
 
+#include "absl/strings/str_cat.h"
 #include "absl/time/time.h"
 #include "client/c/deadline_timer.h"
 #include "core/base/status_macros.h"
@@ -132,7 +133,7 @@ absl::StatusOr<std::vector<PairResult>> RunPairs(
   with_stages.keep_stage_maps = true;
   std::vector<PairResult> results;
   for (const auto& [name_x, name_y] : names) {
-    const std::string names_of_both = name_x + " " + name_y;
+    const std::string names_of_both = absl::StrCat(name_x, " ", name_y);
     if (names_of_both.find(pairs.filter) == std::string::npos) continue;
     ISOMATCH_ASSIGN_OR_RETURN(MeshPair pair,
                               ReadPair(pairs.dir, name_x, name_y));

@@ -233,19 +233,21 @@ TEST_F(MeshFileTest, WhatFollowsTheLastFaceIsTold) {
 
 // Each a triangle, with what OFF allows beside it.
 TEST_F(MeshFileTest, OffFilesOfEveryKindAreRead) {
+  const std::string fractions =
+      "COFF\n3 1 0\n0 0 0 1 0 0 1\n2 0 0 0 0 0 1\n0 3 0 1 1 1 1\n"
+      "3 0 1 2 0.5\n";
+  const std::string textured =
+      "STCNOFF\n3 1 0\n0 0 0 0 0 1 9 9 9 0 0\n2 0 0 0 0 1 9 9 9 1 0\n"
+      "0 3 0 0 0 1 9 9 9 0 1\n3 0 1 2\n";
   for (const std::string& bytes : std::vector<std::string>{
            "OFF 3 1 0\n0 0 0\n2 0 0\n0 3 0\n3 0 1 2\n",
            "OFF\n3 1\n0 0 0\n2 0 0\n0 3 0\n3 0 1 2",
            "OFF\n3\n1\n3\n0 0 0\n2 0 0\n0 3 0\n3 0 1 2\n",
            "\xEF\xBB\xBFOFF\r\n3 1 0\r\n0 0 0\r\n2 0 0\r\n0 3 0\r\n3 0 1 2\r\n",
            "OFF\n3 1 0\n0\n0 0\n2 0\n0\n\n0 3 0 # last\n3 0\n1 2 255 0 0\n",
-           "OFF\n3 1 0\n0 0 0\n2e0 0 0\n0 3. 0\n3.0 0.0 1e0 2.0\n",
-           "COFF\n3 1 0\n0 0 0 1 0 0 1\n2 0 0 0 0 0 1\n0 3 0 1 1 1 1\n"
-           "3 0 1 2 0.5\n",
+           "OFF\n3 1 0\n0 0 0\n2e0 0 0\n0 3. 0\n3.0 0.0 1e0 2.0\n", fractions,
            "COFF\n3 1 0\n0 0 0 255\n2 0 0 0 255\n0 3 0\n3 0 1 2 1 1\n",
-           "STCNOFF\n3 1 0\n0 0 0 0 0 1 9 9 9 0 0\n2 0 0 0 0 1 9 9 9 1 0\n"
-           "0 3 0 0 0 1 9 9 9 0 1\n3 0 1 2\n",
-           "4OFF\n3 1 0\n0 0 0 1\n4 0 0 2\n0 1.5 0 .5\n3 0 1 2\n"}) {
+           textured, "4OFF\n3 1 0\n0 0 0 1\n4 0 0 2\n0 1.5 0 .5\n3 0 1 2\n"}) {
     SCOPED_TRACE(bytes);
     const absl::StatusOr<LoadedMesh> loaded = Read("a.off", bytes);
     ASSERT_THAT(loaded, IsOk());
