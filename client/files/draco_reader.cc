@@ -16,6 +16,7 @@ std::optional<MeshFault> ReadDracoSoup(absl::string_view bytes,
       /*vertex_count=*/0);
   if (!mesh.ok()) return MeshFault{"", std::string(mesh.status().message())};
   soup->format = "Draco";
+  soup->points.reserve(static_cast<std::size_t>(mesh->num_vertices()));
   for (Eigen::Index v = 0; v < mesh->positions.rows(); ++v) {
     soup->points.push_back(
         {mesh->positions(v, 0), mesh->positions(v, 1), mesh->positions(v, 2)});

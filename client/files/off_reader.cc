@@ -2,12 +2,10 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <string>
-#include <system_error>
 
 #include "absl/algorithm/container.h"
 #include "absl/status/statusor.h"
@@ -27,9 +25,7 @@ constexpr std::int64_t kFaceBytes = 7;
 
 // Also a number with a decimal point, as tables of numbers are written.
 bool ReadWhole(absl::string_view word, std::int64_t* number) {
-  const char* const end = word.data() + word.size();
-  const auto [stop, error] = std::from_chars(word.data(), end, *number);
-  if (error == std::errc() && stop == end) return true;
+  if (ReadPlain(word, number)) return true;
   double found = 0;
   constexpr double kMost = 1e15;
   if (!ReadFinite(word, &found) || std::floor(found) != found ||

@@ -1,7 +1,9 @@
 #pragma once
 
+#include <charconv>
 #include <cstddef>
 #include <string>
+#include <system_error>
 #include <vector>
 
 #include "absl/functional/function_ref.h"
@@ -48,6 +50,15 @@ class WordCursor {
   std::vector<absl::string_view> words_;
   std::size_t next_ = 0;
 };
+
+/// Whether all of a word is a number in the form that nearly all have, which it
+/// then is. Takes a third of the time of Abseil, which knows other forms, too.
+template <typename Number>
+bool ReadPlain(absl::string_view word, Number* number) {
+  const char* const end = word.data() + word.size();
+  const auto [stop, error] = std::from_chars(word.data(), end, *number);
+  return error == std::errc() && stop == end;
+}
 
 /// Whether a word is a finite number, which it then is.
 bool ReadFinite(absl::string_view word, double* number);

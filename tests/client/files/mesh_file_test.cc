@@ -12,9 +12,6 @@
 #include <gtest/gtest.h>
 
 #include "absl/strings/ascii.h"
-#include "absl/strings/str_replace.h"
-#include "core/io/draco_mesh.h"
-#include "core/io/face_order.h"
 #include "tests/support/matchers.h"
 #include "tests/support/shapes.h"
 #include "tests/support/temporary_folder.h"
@@ -257,76 +254,6 @@ TEST_F(MeshFileTest, OffFilesOfEveryKindAreRead) {
     EXPECT_EQ(loaded->mesh.faces, Faces::NullaryExpr(1, 3, [](auto, auto i) {
                 return static_cast<VertexIndex>(i);
               }));
-  }
-}
-
-TEST_F(MeshFileTest, LinesOfAnOffFileMayHaveAnyForm) {
-  const absl::StatusOr<LoadedMesh> plain = Read("a.off", kOff);
-  ASSERT_THAT(plain, IsOk());
-  for (const char* bytes :
-       {"OFF\n6 2 0\n0 0 0 \n1 0 0\r\n1\t1 0\n 0 1 0\n0 0 0 # too\n9 9 9e0\n"
-        "3 0 1 2 \n3 4 2 3",
-        "OFF\r\n6 2 0\r\n0 0\n0\n+1 0 0\n1. 1 -0\n\n0  1 0\n0 0 0\n9 9 9\n"
-        "3  0 1 2\n3.0 4 2 3\n",
-        "OFF 6 2\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n0 0 0\n9 9 9\n3 0\n1 2\n3 +4 2 "
-        "3\n"}) {
-    const absl::StatusOr<LoadedMesh> other = Read("b.off", bytes);
-    ASSERT_THAT(other, IsOk()) << bytes;
-    EXPECT_EQ(other->mesh.positions, plain->mesh.positions) << bytes;
-    EXPECT_EQ(other->mesh.faces, plain->mesh.faces) << bytes;
-  }
-}
-
-// Numbers that are read line by line are told as words are.
-TEST_F(MeshFileTest, AWrongNumberOfAnOffFileIsQuoted) {
-  EXPECT_THAT(Error("a.off", "OFF\n3 1 0\n0 0 0\n1 nan 0\n0 1 0\n3 0 1 2\n"),
-              Refused("line 4: y of vertex 1 (0-based) is 'nan'"));
-  EXPECT_THAT(Error("a.off", "OFF\n3 1 0\n0 0 0\n1 1e999 0\n0 1 0\n3 0 1 2\n"),
-              Refused("line 4: y of vertex 1 (0-based) is '1e999'"));
-  EXPECT_THAT(Error("a.off",
-                    "OFF\n5 1 0\n0 0 0\n1 0 0\n0 1 0\n0 1 1\n1 1 1\n"
-                    "3 0 1 5\n"),
-              Refused("line 8: face 0 (0-based) names vertex '5'"));
-}
-
-TEST_F(MeshFileTest, VerticesOfADracoFileAreNumberedByItsIds) {
-  const TriangleMesh sphere = UnitSphere(2);
-  const absl::StatusOr<EncodedMesh> compressed = EncodeDraco(sphere);
-  const absl::StatusOr<EncodedMesh> plain =
-      EncodeDraco(sphere, {.is_local = true});
-  ASSERT_THAT(compressed, IsOk());
-  ASSERT_THAT(plain, IsOk());
-  ASSERT_TRUE(RenumbersVertices(compressed->bytes));
-  ASSERT_FALSE(HasVertexIds(plain->bytes));
-  Faces faces = sphere.faces;
-  SortFaces(sphere.num_vertices(), faces);
-  for (const std::string& bytes : {compressed->bytes, plain->bytes}) {
-    const absl::StatusOr<LoadedMesh> loaded = Read("a.drc", bytes);
-    ASSERT_THAT(loaded, IsOk());
-    EXPECT_EQ(loaded->format, "Draco");
-    EXPECT_EQ(loaded->mesh.positions,
-              sphere.positions.cast<float>().cast<double>());
-    EXPECT_EQ(loaded->mesh.faces, faces);
-    EXPECT_THAT(loaded->warnings, testing::IsEmpty());
-  }
-  const std::string without_ids =
-      absl::StrReplaceAll(compressed->bytes, {{"vertex_id", "vertex_no"}});
-  const absl::StatusOr<LoadedMesh> loaded = Read("b.drc", without_ids);
-  ASSERT_THAT(loaded, IsOk());
-  EXPECT_EQ(loaded->mesh.num_vertices(), sphere.num_vertices());
-  EXPECT_THAT(loaded->warnings, ElementsAre(HasSubstr("edgebreaker")));
-}
-
-TEST_F(MeshFileTest, ADracoFileThatIsNoneIsRefused) {
-  const std::string bytes = EncodeDraco(UnitSphere(2))->bytes;
-  EXPECT_THAT(Error("a.drc", bytes.substr(0, bytes.size() / 2)),
-              Refused("damaged or truncated Draco stream"));
-  EXPECT_THAT(Error("a.drc", kOff), Refused("not a Draco stream"));
-  const std::size_t name_end = bytes.find("vertex_id") + 9;
-  EXPECT_TRUE(HasVertexIds(bytes));
-  for (std::size_t size = 1; size < name_end; ++size) {
-    EXPECT_FALSE(HasVertexIds(bytes.substr(0, size))) << size;
-    EXPECT_FALSE(Read("a.drc", bytes.substr(0, size)).ok()) << size;
   }
 }
 

@@ -202,23 +202,6 @@ TEST_F(JobManagerTest, InputsThatCannotBeKeptRefuseTheJob) {
   EXPECT_THAT(*manager_->List(caller_, {}), testing::IsEmpty());
 }
 
-TEST_F(JobManagerTest, AJobThatStartsAtOnceIsNotLoadedAgain) {
-  std::vector<std::string> loaded;
-  JobEnvironment environment = MakeEnvironment();
-  environment.load_spec = [&](const JobRecord& record) {
-    loaded.push_back(record.id);
-    return Needing(1);
-  };
-  manager_ = std::make_unique<JobManager>(environment);
-  const std::string first = Create();
-  const std::string second = Create();
-  while (workers_.RunNext()) {
-  }
-  EXPECT_EQ(StateOf(first), "SUCCEEDED");
-  EXPECT_EQ(StateOf(second), "SUCCEEDED");
-  EXPECT_THAT(loaded, testing::ElementsAre(second));
-}
-
 TEST_F(JobManagerTest, WhatNeverFitsIsRefusedAtOnce) {
   EXPECT_EQ(ReasonOf(manager_->Create(caller_, Needing(kBudget + 1)).status()),
             "JOB_NEEDS_MORE_MEMORY_THAN_BUDGET");

@@ -276,6 +276,23 @@ TEST_F(JobStorageTest, AStoppingServerDoesNotTryTheDiskAnyMore) {
   EXPECT_THAT(told_, SizeIs(1));
 }
 
+TEST_F(JobStorageTest, AJobThatStartsAtOnceIsNotLoadedAgain) {
+  std::vector<std::string> loaded;
+  JobEnvironment environment = MakeEnvironment();
+  environment.load_spec = [&](const JobRecord& record) {
+    loaded.push_back(record.id);
+    return Needing(1);
+  };
+  manager_ = std::make_unique<JobManager>(environment);
+  const std::string first = Create();
+  const std::string second = Create();
+  while (workers_.RunNext()) {
+  }
+  EXPECT_EQ(StateOf(first), "SUCCEEDED");
+  EXPECT_EQ(StateOf(second), "SUCCEEDED");
+  EXPECT_THAT(loaded, ElementsAre(second));
+}
+
 TEST_F(JobStorageTest, AJobWhoseInputsCannotBeReadNowWaitsAndIsPassed) {
   const std::string id = CreateThatIsLoaded();
   JobSpec other = Needing(1);
