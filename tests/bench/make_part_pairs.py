@@ -15,6 +15,8 @@ by chance, the same ones for the same seed (1 by default):
     alike    X and Y, cut in the same way
     overlap  X and Y, cut in two ways
 
+A vertex of X whose place Y lacks has the truth -1.
+
 X has the unit of Y, in which the two whole shapes have the same area: sets of whole
 shapes, such as FAUST_r, need not have one unit. With --scale it is 0.5 to 2 times as
 large.
@@ -228,8 +230,8 @@ class Maker:
                   [tuple(scale * c for c in v) for v in mesh_x[0]], mesh_x[1])
         write_off(folder / f"{names[1]}.off", *mesh_y)
         new = {v: k for k, v in enumerate(whole_y)}
-        lines = [f"{k} {new[truth[v]]}" for k, v in enumerate(whole_x)
-                 if truth.get(v) in new]
+        lines = [f"{k} {new.get(truth[v], -1)}" for k, v in enumerate(whole_x)
+                 if v in truth]
         (folder / "gt_{}__{}.txt".format(*names)).write_text("\n".join(lines) + "\n")
         self.pairs[kind].append(" ".join(names))
 
