@@ -46,14 +46,11 @@ constexpr int kNextSteps = 6;
 constexpr int kFirstSteps = 30;
 /// Weight of eigenfunctions where X's rim shapes them more than X does.
 constexpr double kRimSpectralWeight = 0.01;
-/// What matched area is worth, less how unlike it is: squared difference of
-/// descriptors and 1 - cosine between normals.
-constexpr double kWorth = 1.1;
-constexpr double kLeastWorth = 1e-6;
-/// Distortion that is none, and the open border that doubles the rank value,
-/// sqrt(area).
+/// Of overlaps: distortion and stretch that are none, and the open border that
+/// doubles the rank value, sqrt(area).
 constexpr double kLeastDistortion = 1e-3;
-constexpr double kDoublingBorder = 5;
+constexpr double kLeastStretch = 1e-5;
+constexpr double kDoublingBorder = 1;
 
 AlignmentShape ShapeOf(const PreparedMesh& prepared,
                        const PointColumns& functions) {
@@ -181,17 +178,19 @@ absl::Status CandidateChoice::Filter(VertexMap* y_from_x) {
 }
 
 absl::Status CandidateChoice::Mask(int round, double stiffness,
-                                   ElasticAlignment* alignment) const {
+                                   ElasticAlignment* alignment) {
   if (!masks()) return absl::OkStatus();
   const double left = 1 - double(round) / options_.alignment_rounds;
-  alignment->SetMatched(rule_->Matched(
-      *alignment, std::max(kLastTolerance, kFirstTolerance * left)));
+  std::vector<char> matched = rule_->Matched(
+      *alignment, std::max(kLastTolerance, kFirstTolerance * left));
+  ISOMATCH_RETURN_IF_ERROR(rule_->LeaveOutContradicting(*alignment, &matched));
+  alignment->SetMatched(std::move(matched));
   return alignment->Settle(stiffness, kNextSteps, stop_);
 }
 
 absl::StatusOr<int> CandidateChoice::RunRounds(
     int begin, int end, const std::function<void(double)>& progress,
-    ElasticAlignment* alignment) const {
+    ElasticAlignment* alignment) {
   const double fall =
       options_.alignment_stiffness_last / options_.alignment_stiffness_first;
   const int last_step = (options_.alignment_rounds - 1) / kRoundsPerStiffness;
@@ -273,28 +272,23 @@ absl::Status CandidateChoice::Judge(const ElasticAlignment& alignment,
 
 absl::Status CandidateChoice::JudgeOverlap(const ElasticAlignment& alignment,
                                            MapScores* scores) {
-  double worth = 0;
   double mismatch = 0;
   double described_area = 0;
   for (VertexIndex v = 0; v < x_.mesh.num_vertices(); ++v) {
     if (!alignment.matched()[v]) continue;
-    const double area = x_.laplacian.mass[v];
-    if (oriented_) worth -= area * alignment.NormalMismatch(v);
-    worth += area * kWorth;
     if (const auto difference = Difference(v, alignment.y_from_x()[v])) {
-      described_area += area;
-      mismatch += area * *difference;
+      described_area += x_.laplacian.mass[v];
+      mismatch += x_.laplacian.mass[v] * *difference;
     }
   }
   if (described_area > 0) {
     scores->descriptor_mismatch = mismatch / described_area;
-    worth -= mismatch;
   }
   ISOMATCH_ASSIGN_OR_RETURN(const OverlapMisfit misfit,
                             rule_->Misfit(alignment));
   scores->rank_value *= std::max(misfit.distortion, kLeastDistortion) *
-                        (1 + misfit.open_border / kDoublingBorder) /
-                        std::max(worth, kLeastWorth);
+                        (1 + misfit.open_border / kDoublingBorder) *
+                        std::sqrt(std::max(scores->stretch, kLeastStretch));
   return absl::OkStatus();
 }
 
@@ -406,7 +400,7 @@ bool CandidateChoice::IsLost(const Candidate& candidate,
 
 absl::StatusOr<int> CandidateChoice::Finish(
     bool from_start, const std::function<void(double)>& progress,
-    ElasticAlignment* alignment) const {
+    ElasticAlignment* alignment) {
   const int begin =
       from_start ? 0 : std::min(kJudgedRounds, options_.alignment_rounds - 1);
   return RunRounds(begin, options_.alignment_rounds, progress, alignment);

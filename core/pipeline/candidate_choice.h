@@ -38,9 +38,8 @@ class CandidateChoice {
   /// after two rounds, and no image of the leading one by a symmetry, is given
   /// up: its scores are those of then, its rank value a bound. Where both
   /// shapes are parts none is given up, and it is found which vertices are
-  /// matched: the rank value of the first stage is divided by their area, of
-  /// which unlike places count less, and multiplied by what
-  /// CounterpartRule::Misfit says.
+  /// matched: the rank value of the first stage is multiplied by what
+  /// CounterpartRule::Misfit says and by the root of the stretch.
   ///
   /// Once stops.hurry was requested, candidates that are not judged yet are
   /// removed, but for the first one, which stays as it is: a dense map, and
@@ -56,7 +55,7 @@ class CandidateChoice {
   /// to the last round, but in a hurry. REQUIRES: Choose.
   absl::StatusOr<int> Finish(bool from_start,
                              const std::function<void(double)>& progress,
-                             ElasticAlignment* alignment) const;
+                             ElasticAlignment* alignment);
 
   /// How far from the image of each vertex of X, in sqrt(area), the vertex near
   /// it with the most alike descriptor lies; -1 where nothing is described.
@@ -74,13 +73,12 @@ class CandidateChoice {
   /// Returns how far it came: at `end`, but in a hurry.
   absl::StatusOr<int> RunRounds(int begin, int end,
                                 const std::function<void(double)>& progress,
-                                ElasticAlignment* alignment) const;
+                                ElasticAlignment* alignment);
   AlignmentOptions HowAligned() const;
   absl::StatusOr<std::unique_ptr<ElasticAlignment>> LayOut(
       const Candidate& candidate) const;
   /// Of overlaps: what is matched is pulled from then on.
-  absl::Status Mask(int round, double stiffness,
-                    ElasticAlignment* alignment) const;
+  absl::Status Mask(int round, double stiffness, ElasticAlignment* alignment);
   /// Takes the map over and completes its scores.
   absl::Status Judge(const ElasticAlignment& alignment, Candidate* candidate);
   std::optional<double> Difference(VertexIndex x, VertexIndex y) const;

@@ -2,8 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <iterator>
+#include <numeric>
 #include <utility>
 
+#include "core/base/parallel.h"
 #include "core/base/status_macros.h"
 #include "core/geodesic/rim_distance.h"
 
@@ -22,11 +26,18 @@ constexpr float kOnePlace = 0.1f;
 constexpr double kTurnWeight = 0.1;
 /// A border nearer to a rim than this ends there, sqrt(area).
 constexpr float kAtRim = 0.06f;
-/// Vertices from which distances are compared, to one in so many others; and
-/// the difference that counts most.
-constexpr VertexIndex kSources = 40;
+/// Vertices from which distances are compared, at most; for the distortion to
+/// one in so many others, and the difference that counts most there.
+constexpr VertexIndex kSources = 80;
 constexpr VertexIndex kOthers = 7;
 constexpr double kMostDifference = 0.3;
+/// A vertex contradicts others where the median difference is larger than this
+/// and that part of the distance. A twelfth of the sources is left out at a
+/// time, down to a number that says nothing any more.
+constexpr float kMostExcess = 0.05f;
+constexpr float kRelativeExcess = 0.1f;
+constexpr std::size_t kPartLeftOut = 12;
+constexpr std::size_t kLeastSources = 6;
 /// Changes that the fields are not followed to.
 constexpr float kFieldChange = 1e-3f;
 
@@ -106,44 +117,95 @@ double CounterpartRule::OpenBorder(const ElasticAlignment& alignment) const {
   return length;
 }
 
-absl::StatusOr<OverlapMisfit> CounterpartRule::Misfit(
-    const ElasticAlignment& alignment) {
+absl::StatusOr<CounterpartRule::ComparedFields> CounterpartRule::FieldsOf(
+    const VertexMap& y_from_x, const std::vector<char>& matched) {
   const VertexIndex n = solved_x_.mesh.num_vertices();
   if (!from_x_) {
     std::vector<VertexIndex> all;
-    const VertexIndex step = std::max<VertexIndex>(1, n / kSources);
+    const VertexIndex step = (n + kSources - 1) / kSources;
     for (VertexIndex x = 0; x < n; x += step) all.push_back(x);
     ISOMATCH_ASSIGN_OR_RETURN(
         from_x_, BasisPoints::Create(solver_x_, std::move(all), nullptr, stop_,
                                      kFieldChange));
   }
-  const std::vector<char>& matched = alignment.matched();
-  const VertexMap& y_from_x = alignment.y_from_x();
-  std::vector<int> sources;  // of from_x_
+  ComparedFields fields;
   std::vector<VertexIndex> images;
   for (int z = 0; z < from_x_->num_points(); ++z) {
     const VertexIndex x = from_x_->points()[z];
     if (!matched[x]) continue;
-    sources.push_back(z);
+    fields.sources.push_back(z);
     images.push_back(y_from_x[x]);
   }
-  OverlapMisfit misfit;
-  if (!sources.empty()) {
-    ISOMATCH_ASSIGN_OR_RETURN(
-        const BasisPoints on_y,
-        BasisPoints::Create(solver_y_, images, nullptr, stop_, kFieldChange));
-    std::int64_t compared = 0;
-    for (VertexIndex x = 0; x < n; x += kOthers) {
-      if (!matched[x]) continue;
-      const float* const from_x = from_x_->Profile(x);
-      const float* const from_y = on_y.Profile(y_from_x[x]);
-      for (std::size_t i = 0; i < sources.size(); ++i, ++compared) {
-        misfit.distortion += std::min<double>(
-            kMostDifference, std::abs(from_x[sources[i]] - from_y[i]));
-      }
+  if (fields.sources.empty()) return fields;
+  ISOMATCH_ASSIGN_OR_RETURN(fields.from_images,
+                            BasisPoints::Create(solver_y_, std::move(images),
+                                                nullptr, stop_, kFieldChange));
+  return fields;
+}
+
+absl::Status CounterpartRule::LeaveOutContradicting(
+    const ElasticAlignment& alignment, std::vector<char>* matched) {
+  const VertexMap& y_from_x = alignment.y_from_x();
+  ISOMATCH_ASSIGN_OR_RETURN(const ComparedFields fields,
+                            FieldsOf(y_from_x, *matched));
+  std::vector<int> asked(fields.sources.size());  // positions in `fields`
+  std::iota(asked.begin(), asked.end(), 0);
+  const auto median_excess = [&](VertexIndex x) {
+    const float* const from_x = from_x_->Profile(x);
+    const float* const from_y = fields.from_images.Profile(y_from_x[x]);
+    std::vector<float> excesses;
+    excesses.reserve(asked.size());
+    for (const int i : asked) {
+      const float distance = from_x[fields.sources[i]];
+      excesses.push_back(std::abs(distance - from_y[i]) -
+                         kRelativeExcess * distance);
     }
-    if (compared > 0) misfit.distortion /= static_cast<double>(compared);
+    const auto middle = excesses.begin() + std::ssize(excesses) / 2;
+    std::nth_element(excesses.begin(), middle, excesses.end());
+    return *middle;
+  };
+  while (asked.size() >= kLeastSources) {
+    std::vector<std::pair<float, int>> contradicting;
+    for (const int i : asked) {
+      const float excess = median_excess(from_x_->points()[fields.sources[i]]);
+      if (excess > kMostExcess) contradicting.emplace_back(-excess, i);
+    }
+    if (contradicting.empty()) break;
+    std::sort(contradicting.begin(), contradicting.end());
+    const std::size_t most =
+        std::max<std::size_t>(1, asked.size() / kPartLeftOut);
+    contradicting.resize(std::min(contradicting.size(), most));
+    for (const auto& [excess, i] : contradicting) std::erase(asked, i);
   }
+  if (asked.size() < kLeastSources) return absl::OkStatus();
+  return ParallelForVertices(
+      solved_x_.mesh.num_vertices(), stop_, [&](VertexIndex x) {
+        if ((*matched)[x] && median_excess(x) > kMostExcess) {
+          (*matched)[x] = false;
+        }
+      });
+}
+
+absl::StatusOr<OverlapMisfit> CounterpartRule::Misfit(
+    const ElasticAlignment& alignment) {
+  const std::vector<char>& matched = alignment.matched();
+  const VertexMap& y_from_x = alignment.y_from_x();
+  ISOMATCH_ASSIGN_OR_RETURN(const ComparedFields fields,
+                            FieldsOf(y_from_x, matched));
+  OverlapMisfit misfit;
+  std::int64_t compared = 0;
+  for (VertexIndex x = 0;
+       x < solved_x_.mesh.num_vertices() && !fields.sources.empty();
+       x += kOthers) {
+    if (!matched[x]) continue;
+    const float* const from_x = from_x_->Profile(x);
+    const float* const from_y = fields.from_images.Profile(y_from_x[x]);
+    for (std::size_t i = 0; i < fields.sources.size(); ++i, ++compared) {
+      misfit.distortion += std::min<double>(
+          kMostDifference, std::abs(from_x[fields.sources[i]] - from_y[i]));
+    }
+  }
+  if (compared > 0) misfit.distortion /= static_cast<double>(compared);
   misfit.open_border = OpenBorder(alignment);
   return misfit;
 }

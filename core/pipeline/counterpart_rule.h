@@ -42,11 +42,26 @@ class CounterpartRule {
   std::vector<char> Matched(const ElasticAlignment& alignment,
                             double tolerance) const;
 
+  /// Leaves out of `matched` what does not keep its distances from most of the
+  /// rest, as where a limb lies on another one: X and Y are surfaces that bend,
+  /// but distances along them stay. What does not keep them itself is not asked
+  /// about others. CANCELLED after the token given first.
+  absl::Status LeaveOutContradicting(const ElasticAlignment& alignment,
+                                     std::vector<char>* matched);
+
   /// Of alignment.matched(), which is not empty. CANCELLED after the token
   /// given first.
   absl::StatusOr<OverlapMisfit> Misfit(const ElasticAlignment& alignment);
 
  private:
+  /// Distances of all vertices from some that are matched.
+  struct ComparedFields {
+    std::vector<int> sources;  ///< those of from_x_ that are matched
+    BasisPoints from_images;   ///< on Y, in the same order
+  };
+
+  absl::StatusOr<ComparedFields> FieldsOf(const VertexMap& y_from_x,
+                                          const std::vector<char>& matched);
   void KeepOneEach(const ElasticAlignment& alignment,
                    std::vector<char>* matched) const;
   double OpenBorder(const ElasticAlignment& alignment) const;
@@ -59,7 +74,7 @@ class CounterpartRule {
   const DistanceFieldSolver solver_y_;
   const std::vector<float> rim_distances_x_;
   const std::vector<float> rim_distances_y_;
-  std::optional<BasisPoints> from_x_;  ///< of Misfit, once needed
+  std::optional<BasisPoints> from_x_;  ///< of FieldsOf, once needed
 };
 
 }  // namespace isomatch
