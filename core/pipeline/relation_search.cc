@@ -29,9 +29,11 @@ constexpr double kAllCovered = 0.97;
 constexpr double kEqualArea = 1.2;
 /// What is less confident is looked for again: an overlap with other random
 /// seeds, a part of unknown scale at the next scale, then with another seed.
-constexpr double kSureOverlap = 0.55;
+constexpr double kSureOverlap = 0.66;
 constexpr double kSureScale = 0.58;
 constexpr int kMoreTries = 2;
+/// Confidence that other random seeds rarely add to an overlap.
+constexpr double kMostGain = 0.1;
 /// How much less confident maps may be that leave less out.
 constexpr double kWholeBonus = 0.04;
 constexpr double kPartBonus = 0.015;
@@ -72,9 +74,9 @@ RelationOrder OrderOf(const ShapeOutline& x, const ShapeOutline& y,
     (is_likely || !known ? order.likely : order.unlikely).push_back(relation);
   };
   add(Relation::kWhole, unlike < kSameArea);
-  add(Relation::kOverlap, true);
   add(Relation::kPartOfY, ratio < kLargerPart);
   add(Relation::kPartOfX, 1 / ratio < kLargerPart);
+  add(Relation::kOverlap, true);
   return order;
 }
 
@@ -143,14 +145,6 @@ bool IsSurelyWhole(const Correspondence& found) {
   return found.relation == Relation::kWhole && !found.ended_early &&
          found.quality.mean_confidence >= kSurelyWhole &&
          found.quality.coverage >= kAllCovered;
-}
-
-/// Whether another try may find a better map.
-bool IsWorthMore(const absl::StatusOr<Correspondence>& found) {
-  if (!found.ok()) return absl::IsFailedPrecondition(found.status());
-  const bool overlaps = found->relation == Relation::kOverlap;
-  return found->quality.mean_confidence <
-         (overlaps ? kSureOverlap : kSureScale);
 }
 
 /// Keeps the best of what is found.
@@ -228,6 +222,16 @@ class RelationSearch {
     }
     IsCut(true);
     return absl::FailedPreconditionError("there was no time for it");
+  }
+
+  /// Whether another try may find a better map, and one that wins.
+  bool IsWorthMore(const absl::StatusOr<Correspondence>& found) const {
+    if (!found.ok()) return absl::IsFailedPrecondition(found.status());
+    if (found->relation != Relation::kOverlap) {
+      return found->quality.mean_confidence < kSureScale;
+    }
+    return found->quality.mean_confidence < kSureOverlap &&
+           (!best_ || ScoreOf(*found) + kMostGain > ScoreOf(*best_));
   }
 
   absl::StatusOr<Correspondence> BestOf(Relation relation) {

@@ -135,19 +135,19 @@ TEST_F(RelationSearchTest, ABadPartMayBeAWhole) {
 
 TEST_F(RelationSearchTest, OpenShapesAreWhatTheirMapIsMostConfidentAs) {
   confidence_ = {{Relation::kWhole, 0.4},
-                 {Relation::kOverlap, 0.63},
+                 {Relation::kOverlap, 0.68},
                  {Relation::kPartOfY, 0.5},
-                 {Relation::kPartOfX, 0.55}};
+                 {Relation::kPartOfX, 0.6}};
   auto found = Find(kOpen, kOpen);
   ASSERT_THAT(found, IsOk());
-  EXPECT_THAT(tried_, ElementsAre(Relation::kWhole, Relation::kOverlap,
-                                  Relation::kPartOfY, Relation::kPartOfX));
+  EXPECT_THAT(tried_, ElementsAre(Relation::kWhole, Relation::kPartOfY,
+                                  Relation::kPartOfX, Relation::kOverlap));
   EXPECT_EQ(found->relation, Relation::kOverlap);
   EXPECT_GT(found->relation_confidence, 0.3);
   EXPECT_LT(found->relation_confidence, 0.8);
   EXPECT_THAT(found->warnings, IsEmpty());
   // What leaves nothing out is believed as soon.
-  confidence_[Relation::kPartOfX] = 0.62;
+  confidence_[Relation::kPartOfX] = 0.67;
   found = Find(kOpen, kOpen);
   EXPECT_EQ(found->relation, Relation::kPartOfX);
   // Neither is sure then.
@@ -175,7 +175,7 @@ TEST_F(RelationSearchTest, AreasInOneUnitTell) {
   confidence_ = {{Relation::kOverlap, 0.6}, {Relation::kPartOfY, 0.7}};
   auto found = Find(kSmallOpen, kOpen);
   ASSERT_THAT(found, IsOk());
-  EXPECT_THAT(tried_, ElementsAre(Relation::kOverlap, Relation::kPartOfY));
+  EXPECT_THAT(tried_, ElementsAre(Relation::kPartOfY, Relation::kOverlap));
   EXPECT_EQ(found->relation, Relation::kPartOfY);
   // In units that are not known they do not.
   scale_ = LengthScale::kAuto;
@@ -186,11 +186,11 @@ TEST_F(RelationSearchTest, AreasInOneUnitTell) {
 
 TEST_F(RelationSearchTest, AnOverlapIsTakenToBeInOneUnit) {
   scale_ = LengthScale::kAuto;
-  confidence_ = {{Relation::kOverlap, 0.6}};
+  confidence_ = {{Relation::kOverlap, 0.7}};
   const auto found = Find(kOpen, kOpen);
   ASSERT_THAT(found, IsOk());
-  EXPECT_THAT(scales_, ElementsAre(LengthScale::kAuto, LengthScale::kSame,
-                                   LengthScale::kAuto, LengthScale::kAuto));
+  EXPECT_THAT(scales_, ElementsAre(LengthScale::kAuto, LengthScale::kAuto,
+                                   LengthScale::kAuto, LengthScale::kSame));
   EXPECT_THAT(found->warnings, ElementsAre(HasSubstr("one unit")));
 }
 
@@ -208,11 +208,20 @@ TEST_F(RelationSearchTest, AnOverlapThatIsNotConfidentIsLookedForAgain) {
   ASSERT_THAT(Find(kOpen, kOpen), IsOk());
   EXPECT_EQ(reports_.back().total_fraction, 1);
   only_seed_ = 0;
-  confidence_ = {{Relation::kOverlap, 0.5}};
+  confidence_ = {{Relation::kOverlap, 0.6}};
   // The best of them.
   better_seed_ = 2;
-  EXPECT_NEAR(Find(kOpen, kOpen)->quality.mean_confidence, 0.6, 1e-9);
+  EXPECT_NEAR(Find(kOpen, kOpen)->quality.mean_confidence, 0.7, 1e-9);
   EXPECT_THAT(seeds_, ElementsAre(1, 2));
+}
+
+TEST_F(RelationSearchTest, AnOverlapThatCannotWinIsNotLookedForAgain) {
+  confidence_ = {{Relation::kPartOfX, 0.72}, {Relation::kOverlap, 0.6}};
+  ASSERT_THAT(Find(kOpen, kOpen), IsOk());
+  EXPECT_EQ(tried_.size(), 4u);
+  confidence_[Relation::kPartOfX] = 0.68;
+  ASSERT_THAT(Find(kOpen, kOpen), IsOk());
+  EXPECT_EQ(tried_.size(), 6u);
 }
 
 TEST_F(RelationSearchTest, APartOfUnknownScaleIsTriedAtTheNextOne) {
@@ -252,7 +261,7 @@ TEST_F(RelationSearchTest, WhereAllFailTheFirstErrorIsTold) {
 }
 
 TEST_F(RelationSearchTest, ProgressNeverFallsAndEndsWithOne) {
-  confidence_ = {{Relation::kOverlap, 0.6}};
+  confidence_ = {{Relation::kOverlap, 0.7}};
   ASSERT_THAT(Find(kOpen, kOpen), IsOk());
   ASSERT_EQ(tried_.size(), 4u);
   for (std::size_t i = 1; i < reports_.size(); ++i) {
