@@ -43,6 +43,7 @@ class CounterpartRuleTest : public testing::Test {
   /// Not 0 for the vertices of the fourth arm.
   std::vector<char> InArm() const {
     std::vector<char> in_arm;
+    in_arm.reserve(mesh().num_vertices());
     for (VertexIndex v = 0; v < mesh().num_vertices(); ++v) {
       in_arm.push_back(mesh().positions.row(v).dot(kFourthArm.normalized()) >
                        0.22);
