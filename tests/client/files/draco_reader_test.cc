@@ -6,28 +6,16 @@
 #include <gtest/gtest.h>
 
 #include "absl/strings/str_replace.h"
-#include "client/files/mesh_file.h"
 #include "core/io/draco_mesh.h"
 #include "core/io/face_order.h"
+#include "tests/client/files/mesh_reading.h"
 #include "tests/support/matchers.h"
 #include "tests/support/shapes.h"
-#include "tests/support/temporary_folder.h"
 
 namespace isomatch {
 namespace {
 
-class DracoReaderTest : public testing::Test {
- protected:
-  absl::StatusOr<LoadedMesh> Read(const std::string& bytes) {
-    return ReadMesh(folder_.Write("a.drc", bytes), "X");
-  }
-  absl::Status Error(const std::string& bytes) { return Read(bytes).status(); }
-  static auto Refused(const std::string& why) {
-    return StatusIs(absl::StatusCode::kInvalidArgument,
-                    testing::HasSubstr(why));
-  }
-  TemporaryFolder folder_;
-};
+class DracoReaderTest : public MeshReadingTest {};
 
 TEST_F(DracoReaderTest, VerticesOfADracoFileAreNumberedByItsIds) {
   const TriangleMesh sphere = UnitSphere(2);
@@ -41,7 +29,7 @@ TEST_F(DracoReaderTest, VerticesOfADracoFileAreNumberedByItsIds) {
   Faces faces = sphere.faces;
   SortFaces(sphere.num_vertices(), faces);
   for (const std::string& bytes : {compressed->bytes, plain->bytes}) {
-    const absl::StatusOr<LoadedMesh> loaded = Read(bytes);
+    const absl::StatusOr<LoadedMesh> loaded = Read("a.drc", bytes);
     ASSERT_THAT(loaded, IsOk());
     EXPECT_EQ(loaded->format, "Draco");
     EXPECT_EQ(loaded->mesh.positions,
@@ -51,7 +39,7 @@ TEST_F(DracoReaderTest, VerticesOfADracoFileAreNumberedByItsIds) {
   }
   const std::string without_ids =
       absl::StrReplaceAll(compressed->bytes, {{"vertex_id", "vertex_no"}});
-  const absl::StatusOr<LoadedMesh> loaded = Read(without_ids);
+  const absl::StatusOr<LoadedMesh> loaded = Read("a.drc", without_ids);
   ASSERT_THAT(loaded, IsOk());
   EXPECT_EQ(loaded->mesh.num_vertices(), sphere.num_vertices());
   EXPECT_THAT(loaded->warnings,
@@ -60,14 +48,14 @@ TEST_F(DracoReaderTest, VerticesOfADracoFileAreNumberedByItsIds) {
 
 TEST_F(DracoReaderTest, ADracoFileThatIsNoneIsRefused) {
   const std::string bytes = EncodeDraco(UnitSphere(2))->bytes;
-  EXPECT_THAT(Error(bytes.substr(0, bytes.size() / 2)),
+  EXPECT_THAT(Error("a.drc", bytes.substr(0, bytes.size() / 2)),
               Refused("damaged or truncated Draco stream"));
-  EXPECT_THAT(Error("OFF\n3 1 0\n"), Refused("not a Draco stream"));
+  EXPECT_THAT(Error("a.drc", "OFF\n3 1 0\n"), Refused("not a Draco stream"));
   const std::size_t name_end = bytes.find("vertex_id") + 9;
   EXPECT_TRUE(HasVertexIds(bytes));
   for (std::size_t size = 1; size < name_end; ++size) {
     EXPECT_FALSE(HasVertexIds(bytes.substr(0, size))) << size;
-    EXPECT_FALSE(Read(bytes.substr(0, size)).ok()) << size;
+    EXPECT_FALSE(Read("a.drc", bytes.substr(0, size)).ok()) << size;
   }
 }
 

@@ -12,8 +12,8 @@
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "client/files/mesh_file.h"
+#include "tests/client/files/mesh_reading.h"
 #include "tests/support/matchers.h"
-#include "tests/support/temporary_folder.h"
 
 namespace isomatch {
 namespace {
@@ -99,12 +99,8 @@ Json& FirstPrimitive(Scene& scene) {
   return scene.json["meshes"][0]["primitives"][0];
 }
 
-class GltfReaderTest : public testing::Test {
+class GltfReaderTest : public MeshReadingTest {
  protected:
-  absl::StatusOr<LoadedMesh> Read(const std::string& name,
-                                  const std::string& bytes) {
-    return ReadMesh(folder_.Write(name, bytes), "X");
-  }
   LoadedMesh Good(Scene scene) {
     auto loaded = Read("a.glb", scene.Binary());
     EXPECT_THAT(loaded, IsOk());
@@ -112,10 +108,8 @@ class GltfReaderTest : public testing::Test {
   }
   void ExpectRefused(const std::string& name, const std::string& bytes,
                      const std::string& why) {
-    EXPECT_THAT(Read(name, bytes),
-                StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr(why)));
+    EXPECT_THAT(Read(name, bytes), Refused(why));
   }
-  TemporaryFolder folder_;
 };
 
 TEST_F(GltfReaderTest, VerticesKeepTheirOrder) {

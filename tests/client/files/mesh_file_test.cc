@@ -12,9 +12,9 @@
 #include <gtest/gtest.h>
 
 #include "absl/strings/ascii.h"
+#include "tests/client/files/mesh_reading.h"
 #include "tests/support/matchers.h"
 #include "tests/support/shapes.h"
-#include "tests/support/temporary_folder.h"
 
 namespace isomatch {
 namespace {
@@ -22,10 +22,6 @@ namespace {
 using testing::ElementsAre;
 using testing::HasSubstr;
 
-// A square with a repeated (4) and an isolated (5) vertex.
-constexpr char kOff[] =
-    "OFF\n# a comment\n6 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n0 0 0\n9 9 9\n"
-    "3 0 1 2\n3 4 2 3\n";
 constexpr char kObj[] =
     "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 0\nv 9 9 9\nvn 0 0 1\n"
     "f 1/1/1 2/2/1 3/3/1\nf -2 3 4\n";
@@ -41,24 +37,11 @@ std::int64_t PeakResidentBytes() {
   return std::int64_t{usage.ru_maxrss} * 1024;
 }
 
-class MeshFileTest : public testing::Test {
- protected:
-  absl::StatusOr<LoadedMesh> Read(const std::string& name,
-                                  const std::string& bytes) {
-    return ReadMesh(folder_.Write(name, bytes), "X");
-  }
-  absl::Status Error(const std::string& name, const std::string& bytes) {
-    return Read(name, bytes).status();
-  }
-  auto Refused(const std::string& why) {
-    return StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr(why));
-  }
-  TemporaryFolder folder_;
-};
+class MeshFileTest : public MeshReadingTest {};
 
 TEST_F(MeshFileTest, EveryFormatKeepsCountAndOrder) {
   for (const auto& [name, bytes] :
-       {std::pair("a.off", kOff), std::pair("a.OFF", kOff),
+       {std::pair("a.off", kPlainOff), std::pair("a.OFF", kPlainOff),
         std::pair("a.obj", kObj), std::pair("a.ply", kPly)}) {
     const absl::StatusOr<LoadedMesh> loaded = Read(name, bytes);
     ASSERT_THAT(loaded, IsOk()) << name;
@@ -71,7 +54,7 @@ TEST_F(MeshFileTest, EveryFormatKeepsCountAndOrder) {
 }
 
 TEST_F(MeshFileTest, TheFormatIsToldFromTheFile) {
-  EXPECT_EQ(Read("a.OFF", kOff)->format, "OFF");
+  EXPECT_EQ(Read("a.OFF", kPlainOff)->format, "OFF");
   EXPECT_EQ(Read("a.obj", kObj)->format, "OBJ");
   EXPECT_EQ(Read("a.ply", kPly)->format, "PLY, ascii");
   ASSERT_THAT(WriteMesh(folder_.Path("b.ply"), UnitSphere(2)), IsOk());

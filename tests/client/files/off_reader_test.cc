@@ -5,33 +5,16 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "client/files/mesh_file.h"
+#include "tests/client/files/mesh_reading.h"
 #include "tests/support/matchers.h"
-#include "tests/support/temporary_folder.h"
 
 namespace isomatch {
 namespace {
 
-// A square with a repeated (4) and an isolated (5) vertex.
-constexpr char kPlainOff[] =
-    "OFF\n# a comment\n6 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n0 0 0\n9 9 9\n"
-    "3 0 1 2\n3 4 2 3\n";
-
-class OffReaderTest : public testing::Test {
- protected:
-  absl::StatusOr<LoadedMesh> Read(const std::string& bytes) {
-    return ReadMesh(folder_.Write("a.off", bytes), "X");
-  }
-  absl::Status Error(const std::string& bytes) { return Read(bytes).status(); }
-  static auto Refused(const std::string& why) {
-    return StatusIs(absl::StatusCode::kInvalidArgument,
-                    testing::HasSubstr(why));
-  }
-  TemporaryFolder folder_;
-};
+class OffReaderTest : public MeshReadingTest {};
 
 TEST_F(OffReaderTest, LinesOfAnOffFileMayHaveAnyForm) {
-  const absl::StatusOr<LoadedMesh> plain = Read(kPlainOff);
+  const absl::StatusOr<LoadedMesh> plain = Read("a.off", kPlainOff);
   ASSERT_THAT(plain, IsOk());
   for (const char* bytes :
        {"OFF\n6 2 0\n0 0 0 \n1 0 0\r\n1\t1 0\n 0 1 0\n0 0 0 # too\n9 9 9e0\n"
@@ -40,7 +23,7 @@ TEST_F(OffReaderTest, LinesOfAnOffFileMayHaveAnyForm) {
         "3  0 1 2\n3.0 4 2 3\n",
         "OFF 6 2\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n0 0 0\n9 9 9\n3 0\n1 2\n3 +4 2 "
         "3\n"}) {
-    const absl::StatusOr<LoadedMesh> other = Read(bytes);
+    const absl::StatusOr<LoadedMesh> other = Read("a.off", bytes);
     ASSERT_THAT(other, IsOk()) << bytes;
     EXPECT_EQ(other->mesh.positions, plain->mesh.positions) << bytes;
     EXPECT_EQ(other->mesh.faces, plain->mesh.faces) << bytes;
@@ -49,11 +32,12 @@ TEST_F(OffReaderTest, LinesOfAnOffFileMayHaveAnyForm) {
 
 // Numbers that are read line by line are told as words are.
 TEST_F(OffReaderTest, AWrongNumberOfAnOffFileIsQuoted) {
-  EXPECT_THAT(Error("OFF\n3 1 0\n0 0 0\n1 nan 0\n0 1 0\n3 0 1 2\n"),
+  EXPECT_THAT(Error("a.off", "OFF\n3 1 0\n0 0 0\n1 nan 0\n0 1 0\n3 0 1 2\n"),
               Refused("line 4: y of vertex 1 (0-based) is 'nan'"));
-  EXPECT_THAT(Error("OFF\n3 1 0\n0 0 0\n1 1e999 0\n0 1 0\n3 0 1 2\n"),
+  EXPECT_THAT(Error("a.off", "OFF\n3 1 0\n0 0 0\n1 1e999 0\n0 1 0\n3 0 1 2\n"),
               Refused("line 4: y of vertex 1 (0-based) is '1e999'"));
-  EXPECT_THAT(Error("OFF\n5 1 0\n0 0 0\n1 0 0\n0 1 0\n0 1 1\n1 1 1\n"
+  EXPECT_THAT(Error("a.off",
+                    "OFF\n5 1 0\n0 0 0\n1 0 0\n0 1 0\n0 1 1\n1 1 1\n"
                     "3 0 1 5\n"),
               Refused("line 8: face 0 (0-based) names vertex '5'"));
 }

@@ -11,8 +11,8 @@
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "client/files/mesh_file.h"
+#include "tests/client/files/mesh_reading.h"
 #include "tests/support/matchers.h"
-#include "tests/support/temporary_folder.h"
 
 namespace isomatch {
 namespace {
@@ -40,12 +40,8 @@ std::string LittleEndian(std::initializer_list<T> numbers) {
   return bytes;
 }
 
-class VtkReaderTest : public testing::Test {
+class VtkReaderTest : public MeshReadingTest {
  protected:
-  absl::StatusOr<LoadedMesh> Read(const std::string& name,
-                                  const std::string& bytes) {
-    return ReadMesh(folder_.Write(name, bytes), "X");
-  }
   // A file that must have the two triangles of a square.
   void ExpectSquare(const std::string& name, const std::string& bytes) {
     const auto loaded = Read(name, bytes);
@@ -59,11 +55,8 @@ class VtkReaderTest : public testing::Test {
   }
   void ExpectRefused(const std::string& name, const std::string& bytes,
                      const std::string& why) {
-    EXPECT_THAT(Read(name, bytes),
-                StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr(why)))
-        << bytes;
+    EXPECT_THAT(Read(name, bytes), Refused(why)) << bytes;
   }
-  TemporaryFolder folder_;
 };
 
 TEST_F(VtkReaderTest, EveryWayToWriteASquareIsRead) {
