@@ -222,10 +222,12 @@ std::optional<double> CandidateChoice::Difference(VertexIndex x,
       .squaredNorm();
 }
 
-double CandidateChoice::LookedUpMismatch(const VertexMap& y_from_x) const {
+double CandidateChoice::LookedUpMismatch(
+    const VertexMap& y_from_x, const std::vector<char>& matched) const {
   double mismatch = 0;
   double area = 0;
   for (VertexIndex x = 0; x < x_.mesh.num_vertices(); ++x) {
+    if (!matched.empty() && !matched[x]) continue;
     if (const auto difference = Difference(x, y_from_x[x])) {
       mismatch += x_.laplacian.mass[x] * *difference;
       area += x_.laplacian.mass[x];
@@ -272,18 +274,8 @@ absl::Status CandidateChoice::Judge(const ElasticAlignment& alignment,
 
 absl::Status CandidateChoice::JudgeOverlap(const ElasticAlignment& alignment,
                                            MapScores* scores) {
-  double mismatch = 0;
-  double described_area = 0;
-  for (VertexIndex v = 0; v < x_.mesh.num_vertices(); ++v) {
-    if (!alignment.matched()[v]) continue;
-    if (const auto difference = Difference(v, alignment.y_from_x()[v])) {
-      described_area += x_.laplacian.mass[v];
-      mismatch += x_.laplacian.mass[v] * *difference;
-    }
-  }
-  if (described_area > 0) {
-    scores->descriptor_mismatch = mismatch / described_area;
-  }
+  scores->descriptor_mismatch =
+      LookedUpMismatch(alignment.y_from_x(), alignment.matched());
   ISOMATCH_ASSIGN_OR_RETURN(const OverlapMisfit misfit,
                             rule_->Misfit(alignment));
   scores->rank_value *= std::max(misfit.distortion, kLeastDistortion) *
@@ -366,7 +358,7 @@ absl::StatusOr<std::unique_ptr<ElasticAlignment>> CandidateChoice::Choose(
 absl::StatusOr<std::unique_ptr<ElasticAlignment>> CandidateChoice::Begin(
     Candidate* candidate) {
   if (!is_part()) {
-    candidate->dense_mismatch = LookedUpMismatch(candidate->y_from_x);
+    candidate->dense_mismatch = LookedUpMismatch(candidate->y_from_x, {});
   }
   ISOMATCH_RETURN_IF_ERROR(Filter(&candidate->y_from_x));
   candidate->filtered = candidate->y_from_x;
@@ -385,7 +377,8 @@ absl::StatusOr<std::unique_ptr<ElasticAlignment>> CandidateChoice::Begin(
 void CandidateChoice::JudgeLost(Candidate* candidate) const {
   candidate->scores.stretch = candidate->first_signs.stretch;
   candidate->scores.normal_mismatch = candidate->first_signs.normals;
-  candidate->scores.descriptor_mismatch = LookedUpMismatch(candidate->y_from_x);
+  candidate->scores.descriptor_mismatch =
+      LookedUpMismatch(candidate->y_from_x, {});
 }
 
 /// A map that sends nearly all elsewhere, as a mirror image or a half turn of

@@ -82,7 +82,9 @@ class CandidateChoice {
   /// Takes the map over and completes its scores.
   absl::Status Judge(const ElasticAlignment& alignment, Candidate* candidate);
   std::optional<double> Difference(VertexIndex x, VertexIndex y) const;
-  double LookedUpMismatch(const VertexMap& y_from_x) const;
+  /// Of the vertices that are matched; empty: of all.
+  double LookedUpMismatch(const VertexMap& y_from_x,
+                          const std::vector<char>& matched) const;
   FirstSigns SignsOf(const ElasticAlignment& alignment,
                      const Candidate& candidate) const;
   absl::StatusOr<std::unique_ptr<ElasticAlignment>> Begin(Candidate* candidate);
