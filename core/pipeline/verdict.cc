@@ -15,6 +15,8 @@ constexpr double kBadConfidence = 0.45;
 constexpr double kGoodConfidence = 0.6;
 constexpr double kMostAreaDistortion = 0.6;
 constexpr double kLeastCoverage = 0.9;
+/// The same where parts of one shape fit nearly as well.
+constexpr double kLeastUnsureCoverage = 0.97;
 constexpr double kLeastSymmetryConfidence = 0.3;
 constexpr double kLeastRelationConfidence = 0.25;
 /// Of overlaps: where less than this of both shapes is matched, most may have
@@ -35,8 +37,9 @@ std::string Confidence(const Correspondence& found) {
 
 /// What of Y a part leaves free says nothing.
 bool IsCovered(const Correspondence& found) {
-  return found.relation != Relation::kWhole ||
-         found.quality.coverage >= kLeastCoverage;
+  const double least =
+      found.relation_confidence < 1 ? kLeastUnsureCoverage : kLeastCoverage;
+  return found.relation != Relation::kWhole || found.quality.coverage >= least;
 }
 
 std::string Uncovered(const Correspondence& found) {

@@ -31,9 +31,10 @@ struct Verdict {
 ///
 ///   bad       mean confidence below 0.45
 ///   doubtful  mean confidence below 0.6, area distortion above 0.6, coverage
-///             below 0.9 (but for parts; of overlaps less than half of both
-///             matched), symmetry confidence below 0.3, relation confidence
-///             below 0.25, or a negative orientation score
+///             below 0.9, or 0.97 where relation confidence is below 1 (but for
+///             parts; of overlaps less than half of both matched), symmetry
+///             confidence below 0.3, relation confidence below 0.25, or a
+///             negative orientation score
 ///   good      all others
 ///
 /// core/EXPERIMENTS.md has how often that is right.

@@ -76,6 +76,21 @@ TEST(VerdictTest, AnOverlapThatLeavesOutMostOfBothIsDoubtful) {
   EXPECT_EQ(VerdictOf(found).level, VerdictLevel::kGood);
 }
 
+TEST(VerdictTest, AWholeThatIsNotSureHasToCoverNearlyAll) {
+  Correspondence found = Good();
+  found.quality.coverage = 0.95;
+  EXPECT_EQ(VerdictOf(found).level, VerdictLevel::kGood);
+  found.relation_confidence = 0.9;
+  EXPECT_EQ(VerdictOf(found).level, VerdictLevel::kDoubtful);
+  EXPECT_EQ(VerdictOf(found).reason,
+            "only 95 % of the area of Y has a counterpart");
+  found.quality.coverage = 0.98;
+  EXPECT_EQ(VerdictOf(found).level, VerdictLevel::kGood);
+  found.relation = Relation::kPartOfY;
+  found.quality.coverage = 0.3;
+  EXPECT_EQ(VerdictOf(found).level, VerdictLevel::kGood);
+}
+
 TEST(VerdictTest, EachDoubtIsToldWithWhatToDo) {
   const auto expect_doubt = [](const Correspondence& found,
                                const char* reason) {
