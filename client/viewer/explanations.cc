@@ -21,8 +21,9 @@ constexpr LabelText kExplanations[] = {
      "the one with left and right exchanged. Below 0.2 look whether it is "
      "mirrored; one pair of landmarks decides it."},
     {"mean confidence (0 to 1)",
-     "The mean over all vertices of how far each can be trusted. Good maps "
-     "have 0.7 or more, bad ones 0.2 or less."},
+     "The mean over all vertices of how far each can be trusted, of overlaps "
+     "without those that are matched only since both shapes go on there. Good "
+     "maps have 0.7 or more, bad ones 0.2 or less."},
     {"mean confidence",
      "The mean over the vertices of X with an image of how far each can be "
      "trusted, 0 to 1. "

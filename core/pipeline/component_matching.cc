@@ -15,6 +15,7 @@
 #include "core/geodesic/farthest_point_sampling.h"
 #include "core/mesh/mesh_geometry.h"
 #include "core/mesh/nearest_vertices.h"
+#include "core/pipeline/confidence.h"
 
 namespace isomatch {
 namespace {
@@ -232,6 +233,8 @@ class Merger {
     }
     result_.quality.unmatched = static_cast<int>(std::count(
         result_.y_from_x.begin(), result_.y_from_x.end(), kNoVertex));
+    result_.quality.mean_confidence =
+        MeanConfidence(result_.confidence, result_.y_from_x);
     return std::move(result_);
   }
 

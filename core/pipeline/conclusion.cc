@@ -8,6 +8,7 @@
 #include "core/alignment/inverse_map.h"
 #include "core/base/status_macros.h"
 #include "core/pipeline/confidence.h"
+#include "core/pipeline/counterpart_rule.h"
 #include "core/pipeline/lifting.h"
 #include "core/pipeline/quality_report.h"
 #include "core/pipeline/user_numbering.h"
@@ -58,6 +59,7 @@ class Conclusion {
     if (found_.alignment != nullptr) {
       ISOMATCH_ASSIGN_OR_RETURN(found.points,
                                 found_.alignment->PrecisePoints(stop_));
+      if (options_.relation == Relation::kOverlap) SmoothMask(&found.matched);
     }
     ISOMATCH_ASSIGN_OR_RETURN(
         std::vector<float> confidence,
@@ -90,6 +92,12 @@ class Conclusion {
   const PreparedMesh& second() const { return *found_.shapes[kY]; }
   const Candidate& best() const { return found_.candidates.front(); }
   bool decimated() const { return x_.coarse || y_.coarse; }
+
+  void SmoothMask(std::vector<char>* matched) {
+    told_ = *matched;
+    CounterpartRule(first(), second(), stop_)
+        .Smooth(*found_.alignment, matched);
+  }
 
   /// Where the second shape's solved vertices lie on the first.
   absl::StatusOr<InverseMap> Inverse(const DenseImages& images) const {
@@ -181,7 +189,8 @@ class Conclusion {
   }
 
   /// `confidence`: of X's solved vertices. Next to those without a counterpart
-  /// it falls: whether there is one is not known exactly.
+  /// it falls: whether there is one is not known exactly. The mean leaves out
+  /// what a smooth mask alone matches.
   void ReportConfidence(const DenseImages& images,
                         std::vector<float> confidence) {
     if (!images.matched.empty()) {
@@ -202,6 +211,10 @@ class Conclusion {
       float& known = result_.confidence[UserLandmark(i).x];
       if (result_.landmarks[i].kept && !(known > 0)) known = 1;
     }
+    VertexMap counted = result_.y_from_x;
+    Mask({{}, {}, told_}, &counted);
+    result_.quality.mean_confidence =
+        MeanConfidence(result_.confidence, counted);
     result_.quality.unmatched = static_cast<int>(std::count(
         result_.y_from_x.begin(), result_.y_from_x.end(), kNoVertex));
   }
@@ -302,6 +315,8 @@ class Conclusion {
   const MatchOptions& options_;
   const std::stop_token& stop_;
   const bool turned_;  ///< the first shape is Y
+  /// Of overlaps: the mask before it was smoothed.
+  std::vector<char> told_;
   const PreparedMesh& x_;
   const PreparedMesh& y_;
   Correspondence& result_;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 
 namespace isomatch {
 namespace {
@@ -64,6 +65,18 @@ std::vector<float> ConfidenceOf(const ErrorSigns& signs,
     confidence.push_back(static_cast<float>(std::exp(-e / kUnit)));
   }
   return confidence;
+}
+
+double MeanConfidence(absl::Span<const float> confidence,
+                      const VertexMap& y_from_x) {
+  double sum = 0;
+  std::int64_t matched = 0;
+  for (std::size_t x = 0; x < confidence.size(); ++x) {
+    if (y_from_x[x] == kNoVertex) continue;
+    sum += confidence[x];
+    ++matched;
+  }
+  return matched == 0 ? 0 : sum / static_cast<double>(matched);
 }
 
 }  // namespace isomatch

@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "absl/types/span.h"
+#include "core/base/vertex_index.h"
 #include "core/mesh/vertex_stars.h"
 
 namespace isomatch {
@@ -31,5 +32,9 @@ std::vector<double> Smoothed(absl::Span<const float> values,
 /// see core/EXPERIMENTS.md for how well it ranks.
 std::vector<float> ConfidenceOf(const ErrorSigns& signs,
                                 const VertexStars& stars_x);
+
+/// Mean over the vertices that have an image in `y_from_x`; 0 where none has.
+double MeanConfidence(absl::Span<const float> confidence,
+                      const VertexMap& y_from_x);
 
 }  // namespace isomatch

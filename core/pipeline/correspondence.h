@@ -74,7 +74,8 @@ struct MapQuality {
   /// Vertices of X without an image.
   int unmatched = 0;
   /// Mean of the confidence over the vertices that have an image; 0 when there
-  /// are none.
+  /// are none. Of overlaps without those that fill gaps
+  /// (CounterpartRule::Smooth).
   double mean_confidence = 0;
 };
 

@@ -10,6 +10,7 @@
 #include "core/base/parallel.h"
 #include "core/base/status_macros.h"
 #include "core/geodesic/rim_distance.h"
+#include "core/mesh/disjoint_sets.h"
 
 namespace isomatch {
 namespace {
@@ -38,6 +39,12 @@ constexpr float kMostExcess = 0.05f;
 constexpr float kRelativeExcess = 0.1f;
 constexpr std::size_t kPartLeftOut = 12;
 constexpr std::size_t kLeastSources = 6;
+/// A matched region that has less of X's area, unless it is the largest one, is
+/// a speck; what is left out and has less than that is a gap, where at most
+/// that part of the edges to it has its matched end at Y's rim.
+constexpr double kLargestSpeck = 0.02;
+constexpr double kLargestGap = 0.1;
+constexpr double kMostAtRim = 0.2;
 /// Changes that the fields are not followed to.
 constexpr float kFieldChange = 1e-3f;
 
@@ -184,6 +191,53 @@ absl::Status CounterpartRule::LeaveOutContradicting(
           (*matched)[x] = false;
         }
       });
+}
+
+CounterpartRule::Regions CounterpartRule::RegionsOf(
+    const VertexMap& y_from_x, const std::vector<char>& matched) const {
+  const VertexIndex n = solved_x_.mesh.num_vertices();
+  DisjointSets sets(n);
+  for (VertexIndex x = 0; x < n; ++x) {
+    for (const VertexIndex neighbor : solved_x_.stars.Neighbors(x)) {
+      if (matched[x] == matched[neighbor]) sets.Join(x, neighbor);
+    }
+  }
+  Regions regions = {VertexMap(n), std::vector<Region>(n)};
+  for (VertexIndex x = 0; x < n; ++x) {
+    regions.first_of[x] = sets.Find(x);
+    Region& region = regions.by_first[regions.first_of[x]];
+    region.area += x_.laplacian.mass[x];
+    for (const VertexIndex neighbor : solved_x_.stars.Neighbors(x)) {
+      if (matched[x] == matched[neighbor]) continue;
+      const VertexIndex image = y_from_x[matched[x] ? x : neighbor];
+      ++region.edges;
+      region.at_rim += rim_distances_y_[image] <= kAtRim;
+    }
+  }
+  return regions;
+}
+
+void CounterpartRule::Smooth(const ElasticAlignment& alignment,
+                             std::vector<char>* matched) const {
+  const VertexIndex n = solved_x_.mesh.num_vertices();
+  const double area = x_.laplacian.mass.sum();
+  const Regions before = RegionsOf(alignment.y_from_x(), *matched);
+  double largest = 0;  // of what is matched
+  for (VertexIndex x = 0; x < n; ++x) {
+    if ((*matched)[x]) largest = std::max(largest, before.Of(x).area);
+  }
+  const double least = std::min(kLargestSpeck * area, largest);
+  for (VertexIndex x = 0; x < n; ++x) {
+    const Region& region = before.Of(x);
+    if (region.area < least && region.edges > 0) (*matched)[x] = false;
+  }
+  const Regions regions = RegionsOf(alignment.y_from_x(), *matched);
+  for (VertexIndex x = 0; x < n; ++x) {
+    const Region& region = regions.Of(x);
+    const bool is_enclosed =
+        region.edges > 0 && region.at_rim <= kMostAtRim * region.edges;
+    if (is_enclosed && region.area < kLargestGap * area) (*matched)[x] = true;
+  }
 }
 
 absl::StatusOr<OverlapMisfit> CounterpartRule::Misfit(

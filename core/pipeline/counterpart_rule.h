@@ -49,6 +49,12 @@ class CounterpartRule {
   absl::Status LeaveOutContradicting(const ElasticAlignment& alignment,
                                      std::vector<char>* matched);
 
+  /// At last: what is matched in specks of X, amid what is left out, is left
+  /// out too; what is left out where Y goes on, as the images around it are not
+  /// at Y's rim, is matched, unless it is large.
+  void Smooth(const ElasticAlignment& alignment,
+              std::vector<char>* matched) const;
+
   /// Of alignment.matched(), which is not empty. CANCELLED after the token
   /// given first.
   absl::StatusOr<OverlapMisfit> Misfit(const ElasticAlignment& alignment);
@@ -65,6 +71,19 @@ class CounterpartRule {
   void KeepOneEach(const ElasticAlignment& alignment,
                    std::vector<char>* matched) const;
   double OpenBorder(const ElasticAlignment& alignment) const;
+  /// Connected vertices of X that are all matched, or all left out.
+  struct Region {
+    double area = 0;
+    int edges = 0;   ///< to vertices of the other kind
+    int at_rim = 0;  ///< of those where the matched end lies at Y's rim
+  };
+  struct Regions {
+    VertexMap first_of;            ///< the first vertex of the region of each
+    std::vector<Region> by_first;  ///< one entry a vertex
+    const Region& Of(VertexIndex x) const { return by_first[first_of[x]]; }
+  };
+  Regions RegionsOf(const VertexMap& y_from_x,
+                    const std::vector<char>& matched) const;
 
   const PreparedMesh& x_;
   const WorkingMesh& solved_x_;

@@ -231,20 +231,6 @@ absl::StatusOr<Correspondence> MatchWhole(PreparedShape& x, PreparedShape& y,
                    &reporter, stops);
 }
 
-/// The last word on a whole map, whatever components it was found in.
-void Judge(Correspondence* found) {
-  double sum = 0;
-  std::int64_t matched = 0;
-  for (std::size_t x = 0; x < found->confidence.size(); ++x) {
-    if (found->y_from_x[x] == kNoVertex) continue;
-    sum += found->confidence[x];
-    ++matched;
-  }
-  found->quality.mean_confidence =
-      matched == 0 ? 0 : sum / static_cast<double>(matched);
-  found->verdict = VerdictOf(*found);
-}
-
 absl::StatusOr<Correspondence> MatchAsTold(PreparedShape& x, PreparedShape& y,
                                            const Request& request) {
   const MatchOptions& options = request.options;
@@ -256,7 +242,7 @@ absl::StatusOr<Correspondence> MatchAsTold(PreparedShape& x, PreparedShape& y,
                                     MatchedByComponents(most)
                                 ? PrepareAndMatchComponents(x, y, request)
                                 : MatchWhole(x, y, request));
-  Judge(&found);
+  found.verdict = VerdictOf(found);
   return found;
 }
 

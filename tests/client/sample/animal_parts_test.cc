@@ -2,6 +2,7 @@
 // own: what a user without data of theirs sees of relations.
 
 #include <algorithm>
+#include <cmath>
 #include <vector>
 
 #include <gmock/gmock.h>
@@ -11,6 +12,7 @@
 #include "core/evaluation/geodesic_error.h"
 #include "core/evaluation/overlap_iou.h"
 #include "core/mesh/mesh_geometry.h"
+#include "core/pipeline/confidence.h"
 #include "core/pipeline/matcher.h"
 #include "tests/support/dirty_meshes.h"
 #include "tests/support/matchers.h"
@@ -88,6 +90,41 @@ TEST_F(AnimalPartsTest, TwoPartsAreMatchedWhereTheyOverlap) {
   const auto as_wholes = Match(x_.mesh, y_.mesh, {}, MatchOptions());
   ASSERT_THAT(as_wholes, IsOk());
   EXPECT_GT(ErrorOf(as_wholes->y_from_x, truth_), 1.2 * error);
+}
+
+TEST_F(AnimalPartsTest, ASpikeLeavesNoHoleInTheMask) {
+  // Amid what both have.
+  const Eigen::VectorXd along = a_.rest.col(0);
+  const double middle = 0.42 * along.minCoeff() + 0.58 * along.maxCoeff();
+  VertexIndex center = 0;
+  for (std::size_t v = 0; v < x_.origin.size(); ++v) {
+    if (std::abs(along[x_.origin[v]] - middle) <
+        std::abs(along[x_.origin[center]] - middle)) {
+      center = static_cast<VertexIndex>(v);
+    }
+  }
+  TriangleMesh x = x_.mesh;
+  const double radius = 0.12 * std::sqrt(SurfaceArea(x));
+  const Eigen::RowVector3d outward = VertexNormals(x).row(center);
+  std::vector<VertexIndex> on_spike;
+  for (VertexIndex v = 0; v < x.num_vertices(); ++v) {
+    const double distance =
+        (x_.mesh.positions.row(v) - x_.mesh.positions.row(center)).norm();
+    if (distance >= radius) continue;
+    x.positions.row(v) += 3 * (radius - distance) * outward;
+    on_spike.push_back(v);
+  }
+  MatchOptions options;
+  options.relation = Relation::kOverlap;
+  options.scale = LengthScale::kSame;
+  const auto found = Match(x, y_.mesh, {}, options);
+  ASSERT_THAT(found, IsOk());
+  for (const VertexIndex v : on_spike) {
+    EXPECT_NE(found->y_from_x[v], kNoVertex) << v;
+  }
+  // What fills the hole is less sure, and not in the mean.
+  EXPECT_LT(MeanConfidence(found->confidence, found->y_from_x),
+            found->quality.mean_confidence - 1e-4);
 }
 
 TEST_F(AnimalPartsTest, APartIsFoundOnTheWholeInAnotherUnit) {

@@ -24,11 +24,14 @@ namespace {
 /// A star laid on itself, with one arm where another one is.
 class CounterpartRuleTest : public testing::Test {
  protected:
+  explicit CounterpartRuleTest(TriangleMesh mesh = FiveArms(4))
+      : laid_(std::move(mesh)) {}
+
   void SetUp() override {
     ProgressReporter progress({}, StagePlan(options_));
     ASSERT_THAT(
-        PrepareMeshes({MeshToPrepare{Clean(star_, {}).value(), "mesh_x"},
-                       MeshToPrepare{Clean(star_, {}).value(), "mesh_y"}},
+        PrepareMeshes({MeshToPrepare{Clean(laid_, {}).value(), "mesh_x"},
+                       MeshToPrepare{Clean(laid_, {}).value(), "mesh_y"}},
                       options_, &progress, {}, &prepared_),
         IsOk());
     functions_ = FunctionColumns(solved_x().spectral, kBasis);
@@ -84,7 +87,7 @@ class CounterpartRuleTest : public testing::Test {
   }
 
   static constexpr int kBasis = 10;
-  const TriangleMesh star_ = FiveArms(4);
+  const TriangleMesh laid_;
   MatchOptions options_;
   std::array<PreparedMesh, 2> prepared_;
   PointColumns functions_;
@@ -140,6 +143,80 @@ TEST_F(CounterpartRuleTest, MisfitIsThatOfWhatIsMatched) {
   ASSERT_THAT(after, IsOk());
   EXPECT_LT(after->distortion, 0.003);
   EXPECT_GT(after->open_border, 0.5);  // where the arm begins
+}
+
+/// A square with a rim, laid on itself.
+class SmoothedMaskTest : public CounterpartRuleTest {
+ protected:
+  SmoothedMaskTest() : CounterpartRuleTest(PlaneGrid(30, 30, 1, 1)) {}
+
+  /// 1 for the vertices within `radius` of the middle.
+  std::vector<char> InDisk(double radius) const {
+    const Eigen::RowVector3d middle = mesh().positions.colwise().mean();
+    std::vector<char> mask;
+    mask.reserve(mesh().num_vertices());
+    for (VertexIndex v = 0; v < mesh().num_vertices(); ++v) {
+      mask.push_back((mesh().positions.row(v) - middle).norm() < radius);
+    }
+    return mask;
+  }
+
+  /// 1 for those nearer than `width` to one side.
+  std::vector<char> InStrip(double width) const {
+    const double side = mesh().positions.col(0).minCoeff();
+    std::vector<char> mask;
+    mask.reserve(mesh().num_vertices());
+    for (VertexIndex v = 0; v < mesh().num_vertices(); ++v) {
+      mask.push_back(mesh().positions(v, 0) - side < width);
+    }
+    return mask;
+  }
+
+  static std::vector<char> Inverted(std::vector<char> mask) {
+    for (char& entry : mask) entry = entry ? 0 : 1;
+    return mask;
+  }
+
+  static std::vector<char> Either(std::vector<char> a,
+                                  const std::vector<char>& b) {
+    for (std::size_t v = 0; v < a.size(); ++v) a[v] = a[v] || b[v];
+    return a;
+  }
+
+  std::vector<char> Smoothed(std::vector<char> mask) const {
+    Rule().Smooth(Laid(Identity()), &mask);
+    return mask;
+  }
+};
+
+TEST_F(SmoothedMaskTest, AGapWhereYGoesOnIsFilled) {
+  EXPECT_THAT(Smoothed(Inverted(InDisk(0.15))), testing::Each(1));
+  EXPECT_THAT(Smoothed(Inverted(InStrip(0.09))), testing::Each(1));
+}
+
+TEST_F(SmoothedMaskTest, WhatIsLargeStaysOut) {
+  const std::vector<char> mask = Inverted(InDisk(0.22));
+  EXPECT_EQ(Smoothed(mask), mask);
+  EXPECT_THAT(Smoothed(std::vector<char>(mask.size(), 0)), testing::Each(0));
+}
+
+TEST_F(SmoothedMaskTest, WhatLiesBeyondTheRimOfYStaysOut) {
+  const std::vector<char> mask = Inverted(InStrip(0.03));
+  EXPECT_EQ(Smoothed(mask), mask);
+}
+
+TEST_F(SmoothedMaskTest, SpecksAreLeftOut) {
+  const std::vector<char> strip = InStrip(0.3);
+  std::vector<char> mask = Either(strip, InDisk(0.07));
+  ASSERT_NE(mask, strip);
+  EXPECT_EQ(Smoothed(mask), strip);
+  mask = Either(strip, InDisk(0.15));
+  EXPECT_EQ(Smoothed(mask), mask);
+}
+
+TEST_F(SmoothedMaskTest, AllThatIsMatchedIsNoSpeck) {
+  const std::vector<char> mask = InDisk(0.07);
+  EXPECT_EQ(Smoothed(mask), mask);
 }
 
 TEST_F(CounterpartRuleTest, Cancels) {
