@@ -147,6 +147,18 @@ bool IsSurelyWhole(const Correspondence& found) {
          found.quality.coverage >= kAllCovered;
 }
 
+/// Of two maps of one relation. Overlaps, in one unit, compare by the rank
+/// value that chose each among those of its seed, unless one alone is bad.
+bool FitsBetter(const Correspondence& a, const Correspondence& b) {
+  if (a.relation != Relation::kOverlap) {
+    return a.quality.mean_confidence > b.quality.mean_confidence;
+  }
+  const bool a_is_bad = a.verdict.level == VerdictLevel::kBad;
+  const bool b_is_bad = b.verdict.level == VerdictLevel::kBad;
+  if (a_is_bad != b_is_bad) return b_is_bad;
+  return a.scores.rank_value < b.scores.rank_value;
+}
+
 /// Keeps the best of what is found.
 class RelationSearch {
  public:
@@ -248,8 +260,7 @@ class RelationSearch {
       absl::StatusOr<Correspondence> other =
           MatchOnce(options, best.ok() || best_);
       if (absl::IsFailedPrecondition(other.status())) continue;
-      if (!other.ok() || !best.ok() ||
-          other->quality.mean_confidence > best->quality.mean_confidence) {
+      if (!other.ok() || !best.ok() || FitsBetter(*other, *best)) {
         best = std::move(other);
       }
     }

@@ -37,10 +37,11 @@ int MostTries(const ShapeOutline& x, const ShapeOutline& y,
 /// no more is asked. What options.relation tells is not tried otherwise.
 ///
 /// Which seed grows to an overlap is chance: where the map is not confident,
-/// and could still win, two more random seeds are tried. The same way a part of
-/// unknown scale is tried at the next likely one. In a hurry nothing more is
-/// tried once there is a map; its relation_confidence is 0 then, unless no
-/// other came in question.
+/// and could still win, two more random seeds are tried, and the map with the
+/// lowest rank value is kept of those that are not bad. The same way a part of
+/// unknown scale is tried at the next likely one, and the most confident map
+/// kept. In a hurry nothing more is tried once there is a map; its
+/// relation_confidence is 0 then, unless no other came in question.
 ///
 /// Not in the paper. Errors are those of `match`, of the most likely relation
 /// where all fail.

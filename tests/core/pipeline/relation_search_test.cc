@@ -53,6 +53,7 @@ class RelationSearchTest : public testing::Test {
   LengthScale scale_ = LengthScale::kSame;
   Relation relation_ = Relation::kAuto;
   std::uint64_t better_seed_ = 0;
+  std::uint64_t best_ranked_seed_ = 0;  ///< though it is less confident
   std::uint64_t only_seed_ = 0;
   double confidence_of_it_ = 0;
   std::map<Relation, double> confidence_;
@@ -94,7 +95,15 @@ class RelationSearchTest : public testing::Test {
     map.relation = options.relation;
     map.ended_early = control.hurry.stop_requested();
     map.quality.mean_confidence = found->second;
-    if (options.random_seed == better_seed_) map.quality.mean_confidence += 0.1;
+    map.scores.rank_value = 1;
+    if (options.random_seed == better_seed_) {
+      map.quality.mean_confidence += 0.1;
+      map.scores.rank_value = 0.5;
+    }
+    if (options.random_seed == best_ranked_seed_) {
+      map.quality.mean_confidence -= 0.05;
+      map.scores.rank_value = 0.5;
+    }
     if (options.next_scale) {
       map.quality.mean_confidence += better_at_next_scale_;
     }
@@ -213,6 +222,15 @@ TEST_F(RelationSearchTest, AnOverlapThatIsNotConfidentIsLookedForAgain) {
   better_seed_ = 2;
   EXPECT_NEAR(Find(kOpen, kOpen)->quality.mean_confidence, 0.7, 1e-9);
   EXPECT_THAT(seeds_, ElementsAre(1, 2));
+  // By rank, not by confidence.
+  better_seed_ = 0;
+  best_ranked_seed_ = 2;
+  confidence_ = {{Relation::kOverlap, 0.6}};
+  EXPECT_NEAR(Find(kOpen, kOpen)->quality.mean_confidence, 0.55, 1e-9);
+  EXPECT_THAT(seeds_, ElementsAre(1, 2, 3));
+  // Unless that one is bad, as one that matches nothing would be.
+  confidence_ = {{Relation::kOverlap, 0.48}};
+  EXPECT_NEAR(Find(kOpen, kOpen)->quality.mean_confidence, 0.48, 1e-9);
 }
 
 TEST_F(RelationSearchTest, AnOverlapThatCannotWinIsNotLookedForAgain) {
