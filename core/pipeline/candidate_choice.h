@@ -63,6 +63,9 @@ class CandidateChoice {
   absl::StatusOr<std::vector<float>> DescriptorOffsets(
       const VertexMap& y_from_x);
 
+  /// Of overlaps, else nullptr.
+  const CounterpartRule* rule() const { return rule_ ? &*rule_ : nullptr; }
+
  private:
   absl::Status DescribeAlike();
   absl::StatusOr<VertexMap> Alike(const VertexMap& y_from_x,

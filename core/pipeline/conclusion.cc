@@ -59,7 +59,7 @@ class Conclusion {
     if (found_.alignment != nullptr) {
       ISOMATCH_ASSIGN_OR_RETURN(found.points,
                                 found_.alignment->PrecisePoints(stop_));
-      if (options_.relation == Relation::kOverlap) SmoothMask(&found.matched);
+      if (found_.rule != nullptr) SmoothMask(&found.matched);
     }
     ISOMATCH_ASSIGN_OR_RETURN(
         std::vector<float> confidence,
@@ -95,8 +95,7 @@ class Conclusion {
 
   void SmoothMask(std::vector<char>* matched) {
     told_ = *matched;
-    CounterpartRule(first(), second(), stop_)
-        .Smooth(*found_.alignment, matched);
+    found_.rule->Smooth(*found_.alignment, matched);
   }
 
   /// Where the second shape's solved vertices lie on the first.
@@ -153,23 +152,24 @@ class Conclusion {
                       : images.points,
                   landmarks, stop_));
       *map = ToUserMap(x_.full, y_.full, lifted.y_from_x);
-      Mask(images, map);
+      Mask(images.matched, map);
       if (precise != nullptr) {
         *precise = ToUserPoints(x_.full, y_.full, lifted.points, *map);
       }
       return absl::OkStatus();
     }
     *map = ToUserMap(x_.full, y_.full, images.vertices);
-    Mask(images, map);
+    Mask(images.matched, map);
     if (precise != nullptr) {
       *precise = ToUserPoints(x_.full, y_.full, images.points, *map);
     }
     return absl::OkStatus();
   }
 
-  void Mask(const DenseImages& images, VertexMap* map) const {
-    if (images.matched.empty()) return;
-    const std::vector<char> mask = UserMask(x_, images.matched);
+  /// `matched`: of X's solved vertices, empty for all.
+  void Mask(const std::vector<char>& matched, VertexMap* map) const {
+    if (matched.empty()) return;
+    const std::vector<char> mask = UserMask(x_, matched);
     for (std::size_t v = 0; v < mask.size(); ++v) {
       if (!mask[v]) (*map)[v] = kNoVertex;
     }
@@ -211,12 +211,18 @@ class Conclusion {
       float& known = result_.confidence[UserLandmark(i).x];
       if (result_.landmarks[i].kept && !(known > 0)) known = 1;
     }
-    VertexMap counted = result_.y_from_x;
-    Mask({{}, {}, told_}, &counted);
-    result_.quality.mean_confidence =
-        MeanConfidence(result_.confidence, counted);
+    result_.quality.mean_confidence = MeanOfTold();
     result_.quality.unmatched = static_cast<int>(std::count(
         result_.y_from_x.begin(), result_.y_from_x.end(), kNoVertex));
+  }
+
+  double MeanOfTold() const {
+    if (told_.empty()) {
+      return MeanConfidence(result_.confidence, result_.y_from_x);
+    }
+    VertexMap counted = result_.y_from_x;
+    Mask(told_, &counted);
+    return MeanConfidence(result_.confidence, counted);
   }
 
   /// One of the user's, from X to Y.

@@ -25,6 +25,7 @@ struct FoundCandidates {
   const std::vector<float>& offsets;         ///< DescriptorOffsets of it
   /// The first shape's lengths times this are in the second one's unit.
   double scale = 1;
+  const CounterpartRule* rule = nullptr;  ///< of overlaps
 };
 
 /// Fills the result with the map of all vertices of X and what is known of it:

@@ -435,7 +435,8 @@ class MatchRun {
     }
     ISOMATCH_RETURN_IF_ERROR(
         Conclude({shapes_, user_landmarks_, candidates_, alignment_.get(),
-                  offsets_, part_ == nullptr ? 1 : part_->scale},
+                  offsets_, part_ == nullptr ? 1 : part_->scale,
+                  choice_ ? choice_->rule() : nullptr},
                  options_, stop_, &result_));
     if (has_unknown_rivals_) result_.symmetry_confidence = 0;
     progress_.FoundMap();
@@ -444,9 +445,6 @@ class MatchRun {
   }
 
   bool hurries() const { return stops_.hurry.stop_requested(); }
-  VertexMap UserMap(const VertexMap& y_from_x) const {
-    return ToUserMap(solved(kX), solved(kY), y_from_x);
-  }
 
   const PreparedMesh& shape(Side side) const { return *shapes_[side]; }
   const WorkingMesh& solved(Side side) const { return shape(side).solved(); }
@@ -457,7 +455,8 @@ class MatchRun {
   void Keep(Stage stage) {
     // A part of X is mapped to it, and turned around in the end.
     if (options_.keep_stage_maps && options_.relation != Relation::kPartOfX) {
-      result_.stage_maps.push_back({stage, UserMap(best().y_from_x)});
+      result_.stage_maps.push_back(
+          {stage, ToUserMap(solved(kX), solved(kY), best().y_from_x)});
     }
   }
 
