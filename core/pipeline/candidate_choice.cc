@@ -33,8 +33,8 @@ constexpr double kPartlyOne = 0.2;
 /// finds is averaged over neighborhoods.
 constexpr double kOffsetReach = 0.12;
 constexpr std::int64_t kOffsetEvery = 3;
-/// How far from its image a vertex of a part has its most alike one, at first,
-/// sqrt(area).
+/// Of overlaps: how far from its image a vertex has its most alike one, at
+/// first, sqrt(area).
 constexpr double kAlikeReach = 0.03;
 /// Of overlaps: how far a vertex may lie from its counterpart at first, and at
 /// last, sqrt(area); steps of the surface once it is known which are pulled.
@@ -144,10 +144,10 @@ Eigen::VectorXd CandidateChoice::DescribedMass() const {
 }
 
 /// Looks for the most alike vertices near the images, then lets the wavelet
-/// filter find the smooth map behind those noisy matches. Of parts, whose
+/// filter find the smooth map behind those noisy matches. Of overlaps, whose
 /// functions differ, the alignment has to find it.
 absl::Status CandidateChoice::Filter(VertexMap* y_from_x) {
-  if (is_part()) return MoveToAlike(kAlikeReach, y_from_x);
+  if (masks()) return MoveToAlike(kAlikeReach, y_from_x);
   const auto k = static_cast<int>(x_.functions.rows());
   const Eigen::MatrixXf filter =
       WaveletFilter(spectral_[kX]->eigenvalues.head(k),
@@ -167,11 +167,13 @@ absl::Status CandidateChoice::Filter(VertexMap* y_from_x) {
         DenseFunctionalMap(x_.functions, mass, y_.functions, matches)
             .cwiseProduct(filter);
     CarryOver(fmap_x_from_y, y_.functions, carried);
-    // The second map lies near the first one.
+    // The second map lies near the first one, those of parts near where they
+    // were: their rims keep functions from telling places apart from afar.
     ISOMATCH_ASSIGN_OR_RETURN(
         matches,
-        round == 0 ? NearestBySamples(points_x, points_y, kFilterSamples, stop_)
-                   : DescendFromMap(points_x, points_y, *y_from_x, stop_));
+        round == 0 && !is_part()
+            ? NearestBySamples(points_x, points_y, kFilterSamples, stop_)
+            : DescendFromMap(points_x, points_y, *y_from_x, stop_));
     *y_from_x = matches;
   }
   return absl::OkStatus();

@@ -34,21 +34,16 @@ constexpr double kSureScale = 0.58;
 constexpr int kMoreTries = 2;
 /// Confidence that other random seeds rarely add to an overlap.
 constexpr double kMostGain = 0.1;
-/// How much less confident maps may be that leave less out.
+/// How much less confident a map of wholes may be, which leaves nothing out.
 constexpr double kWholeBonus = 0.04;
-constexpr double kPartBonus = 0.015;
 /// Confidence by which a relation that is sure leads.
 constexpr double kSureLead = 0.1;
 
 bool HasRim(const ShapeOutline& shape) { return shape.rim > kShortRim; }
 
-double BonusOf(Relation relation) {
-  if (relation == Relation::kWhole) return kWholeBonus;
-  return relation == Relation::kOverlap ? 0 : kPartBonus;
-}
-
 double ScoreOf(const Correspondence& found) {
-  return found.quality.mean_confidence + BonusOf(found.relation);
+  const double bonus = found.relation == Relation::kWhole ? kWholeBonus : 0;
+  return found.quality.mean_confidence + bonus;
 }
 
 /// Relations in the order in which they are tried.

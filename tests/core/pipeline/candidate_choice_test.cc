@@ -15,6 +15,7 @@
 #include "core/evaluation/geodesic_error.h"
 #include "core/mesh/clean_mesh.h"
 #include "core/mesh/mesh_geometry.h"
+#include "core/mesh/vertex_stars.h"
 #include "core/pipeline/matcher.h"
 #include "core/pipeline/preparation.h"
 #include "core/pipeline/progress_reporter.h"
@@ -117,6 +118,19 @@ TEST(SymmetryConfidenceTest, IsHowFarTheNextIsBehind) {
   EXPECT_EQ(SymmetryConfidence(options, candidates), 1);
 }
 
+/// Every image walks so many edges of `stars` in random directions: maps that
+/// grew from matches are off like that.
+VertexMap WalkedAtRandom(VertexMap map, int steps, const VertexStars& stars) {
+  RandomStream random(/*random_seed=*/1, /*index=*/1);
+  for (VertexIndex& y : map) {
+    for (int step = 0; step < steps; ++step) {
+      const auto near = stars.Neighbors(y);
+      y = near[random.Below(static_cast<std::int64_t>(near.size()))];
+    }
+  }
+  return map;
+}
+
 /// Two poses of a body, prepared; maps are planted as candidates.
 class CandidateChoiceTest : public testing::Test {
  protected:
@@ -162,17 +176,8 @@ class CandidateChoiceTest : public testing::Test {
     return candidate;
   }
 
-  /// Every image walks so many edges in random directions: maps that grew from
-  /// matches are off like that.
   VertexMap Rough(VertexMap map, int steps) const {
-    RandomStream random(/*random_seed=*/1, /*index=*/1);
-    for (VertexIndex& y : map) {
-      for (int step = 0; step < steps; ++step) {
-        const auto near = prepared_[kY].solved().stars.Neighbors(y);
-        y = near[random.Below(static_cast<std::int64_t>(near.size()))];
-      }
-    }
-    return map;
+    return WalkedAtRandom(std::move(map), steps, prepared_[kY].solved().stars);
   }
 
   /// Sorts them; the first was chosen.
@@ -302,15 +307,21 @@ class ViewChoiceTest : public testing::Test {
     return map;
   }
 
-  double ErrorWhere(bool is_mostly_rim) const {
+  /// What becomes of the map.
+  Candidate Chosen(VertexMap y_from_x, bool is_mostly_rim) const {
     std::vector<Candidate> candidates(1);
-    candidates[0].y_from_x = Drifted(2);
+    candidates[0].y_from_x = std::move(y_from_x);
     const StopTokens stops;
     CandidateChoice choice(prepared_[kX], prepared_[kY], options_, stops,
                            is_mostly_rim);
     EXPECT_THAT(choice.Choose([](double) {}, &candidates), IsOk());
+    return std::move(candidates[0]);
+  }
+
+  /// `map`: a working one.
+  double ErrorOf(const VertexMap& map) const {
     return GeodesicErrorMeter(prepared_[kY].solved().mesh)
-        .Measure(candidates[0].y_from_x, truth_)
+        .Measure(map, truth_)
         ->mean_over_diameter;
   }
 
@@ -322,7 +333,16 @@ class ViewChoiceTest : public testing::Test {
 
 // Its functions differ from those of the whole, and hold a map where it is.
 TEST_F(ViewChoiceTest, EigenfunctionsCountLessWhereTheRimIsNear) {
-  EXPECT_LT(ErrorWhere(true), 0.75 * ErrorWhere(false));
+  const VertexMap drifted = Drifted(2);
+  EXPECT_LT(ErrorOf(Chosen(drifted, true).y_from_x),
+            0.85 * ErrorOf(Chosen(drifted, false).y_from_x));
+}
+
+TEST_F(ViewChoiceTest, AWaveletFilterFindsTheMapBehindARoughOne) {
+  const VertexMap rough =
+      WalkedAtRandom(truth_, 6, prepared_[kY].solved().stars);
+  const Candidate candidate = Chosen(rough, /*is_mostly_rim=*/true);
+  EXPECT_LT(ErrorOf(candidate.filtered), 0.8 * ErrorOf(rough));
 }
 
 }  // namespace

@@ -144,7 +144,7 @@ TEST_F(RelationSearchTest, ABadPartMayBeAWhole) {
 
 TEST_F(RelationSearchTest, OpenShapesAreWhatTheirMapIsMostConfidentAs) {
   confidence_ = {{Relation::kWhole, 0.4},
-                 {Relation::kOverlap, 0.68},
+                 {Relation::kOverlap, 0.67},
                  {Relation::kPartOfY, 0.5},
                  {Relation::kPartOfX, 0.6}};
   auto found = Find(kOpen, kOpen);
@@ -156,9 +156,9 @@ TEST_F(RelationSearchTest, OpenShapesAreWhatTheirMapIsMostConfidentAs) {
   EXPECT_LT(found->relation_confidence, 0.8);
   EXPECT_THAT(found->warnings, IsEmpty());
   // What leaves nothing out is believed as soon.
-  confidence_[Relation::kPartOfX] = 0.67;
+  confidence_[Relation::kWhole] = 0.64;
   found = Find(kOpen, kOpen);
-  EXPECT_EQ(found->relation, Relation::kPartOfX);
+  EXPECT_EQ(found->relation, Relation::kWhole);
   // Neither is sure then.
   EXPECT_LT(found->relation_confidence, 0.25);
   EXPECT_EQ(found->verdict.level, VerdictLevel::kDoubtful);
