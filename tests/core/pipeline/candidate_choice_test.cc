@@ -333,9 +333,10 @@ class ViewChoiceTest : public testing::Test {
 
 // Its functions differ from those of the whole, and hold a map where it is.
 TEST_F(ViewChoiceTest, EigenfunctionsCountLessWhereTheRimIsNear) {
+  options_.wavelet_rounds = 0;  // which moves it, too
   const VertexMap drifted = Drifted(2);
   EXPECT_LT(ErrorOf(Chosen(drifted, true).y_from_x),
-            0.85 * ErrorOf(Chosen(drifted, false).y_from_x));
+            0.75 * ErrorOf(Chosen(drifted, false).y_from_x));
 }
 
 TEST_F(ViewChoiceTest, AWaveletFilterFindsTheMapBehindARoughOne) {

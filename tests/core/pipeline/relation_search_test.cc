@@ -155,6 +155,10 @@ TEST_F(RelationSearchTest, OpenShapesAreWhatTheirMapIsMostConfidentAs) {
   EXPECT_GT(found->relation_confidence, 0.3);
   EXPECT_LT(found->relation_confidence, 0.8);
   EXPECT_THAT(found->warnings, IsEmpty());
+  // A part has to be surer than an overlap.
+  confidence_[Relation::kPartOfX] = 0.66;
+  found = Find(kOpen, kOpen);
+  EXPECT_EQ(found->relation, Relation::kOverlap);
   // What leaves nothing out is believed as soon.
   confidence_[Relation::kWhole] = 0.64;
   found = Find(kOpen, kOpen);
