@@ -44,6 +44,8 @@ constexpr int kNextSteps = 6;
 /// Of parts: steps of the surface that is bent, which begins with vertices that
 /// nothing pulls, before it is matched anew.
 constexpr int kFirstSteps = 30;
+/// Of parts: the last stiffness, of that of wholes.
+constexpr double kPartsLastStiffness = 0.3;
 /// Weight of eigenfunctions where X's rim shapes them more than X does.
 constexpr double kRimSpectralWeight = 0.01;
 /// Of overlaps: distortion and stretch that are none, and the open border that
@@ -193,8 +195,9 @@ absl::Status CandidateChoice::Mask(int round, double stiffness,
 absl::StatusOr<int> CandidateChoice::RunRounds(
     int begin, int end, const std::function<void(double)>& progress,
     ElasticAlignment* alignment) {
-  const double fall =
-      options_.alignment_stiffness_last / options_.alignment_stiffness_first;
+  const double last =
+      options_.alignment_stiffness_last * (bends_y() ? kPartsLastStiffness : 1);
+  const double fall = last / options_.alignment_stiffness_first;
   const int last_step = (options_.alignment_rounds - 1) / kRoundsPerStiffness;
   for (int round = begin; round < end;) {
     const int step = round / kRoundsPerStiffness;
@@ -289,7 +292,7 @@ absl::Status CandidateChoice::JudgeOverlap(const ElasticAlignment& alignment,
 AlignmentOptions CandidateChoice::HowAligned() const {
   AlignmentOptions options;
   options.basis = options_.alignment_basis;
-  options.bend_y = is_part() && !masks();
+  options.bend_y = bends_y();
   if (is_mostly_rim_) options.spectral_weight = kRimSpectralWeight;
   if (!oriented_) options.normal_weight = 0;
   if (masks()) {

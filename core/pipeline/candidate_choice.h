@@ -98,6 +98,7 @@ class CandidateChoice {
   bool hurries() const { return hurry_.stop_requested(); }
   bool is_part() const { return options_.relation != Relation::kWhole; }
   bool masks() const { return options_.relation == Relation::kOverlap; }
+  bool bends_y() const { return is_part() && !masks(); }
   bool described() const { return oriented_ && options_.descriptor_radius > 0; }
 
   const std::array<PointColumns, 2> functions_;

@@ -151,6 +151,33 @@ TEST_F(ElasticAlignmentTest, APartIsFoundWhereTheWholeIsBent) {
             0.4 * MeanEdgeLength(y.mesh));
 }
 
+TEST_F(ElasticAlignmentTest, WhatNothingPullsSoonFollowsTheRest) {
+  // Y is a long body, X both ends of it in another pose.
+  TriangleMesh straight = UnitSphere(4);
+  straight.positions.col(2) *= 6;
+  TriangleMesh curved = straight;
+  for (auto row : curved.positions.rowwise()) {
+    const double angle = row[2] / 6;
+    const double radius = 6 + row[0];
+    row = Eigen::RowVector3d(radius * std::cos(angle), row[1],
+                             radius * std::sin(angle));
+  }
+  const DirtyMesh ends = WithoutLoneVertices(
+      WithoutFaces(Untouched(curved), [&](const auto&, VertexIndex f) {
+        return std::abs(straight.positions(straight.faces(f, 0), 2)) < 3;
+      }));
+  const Prepared y(straight);
+  const Prepared x = InUnitOf(curved, ends.mesh);
+  options_.bend_y = true;
+  const auto stretch = [&](int steps) {
+    ElasticAlignment alignment(x.shape(), y.shape(), options_, ends.origin);
+    EXPECT_THAT(alignment.Settle(0.03, steps, {}), IsOk());
+    EXPECT_THAT(alignment.Run(0.03, 1, {}), IsOk());
+    return alignment.Score().stretch;
+  };
+  EXPECT_LT(stretch(100), 1.1 * stretch(1000));
+}
+
 TEST_F(ElasticAlignmentTest, TheWholeTellsWherePiecesOfAPartDoNotBelong) {
   // X is the body with a gap in one arm, and what lies beyond the gap is sent
   // to another arm of Y, which already has a counterpart, or to where it
