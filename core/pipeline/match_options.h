@@ -157,8 +157,8 @@ struct MatchOptions {
   /// mesh, 0 to leave them out, in [0, 1]; rounds of
   /// wavelet filtering (core/spectral/wavelet_filter.h) before the elastic
   /// alignment, and rounds of that (core/alignment/elastic_alignment.h) at
-  /// stiffness falling from first to last. alignment_rounds 0 leaves all of it
-  /// out; it excludes ZoomOut.
+  /// stiffness falling from first to last, where X is a part of Y to 0.3 times
+  /// that. alignment_rounds 0 leaves all of it out; it excludes ZoomOut.
   double descriptor_radius = 0.08;
   int wavelet_rounds = 2;
   int alignment_rounds = 16;
