@@ -3,8 +3,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <iterator>
+#include <numeric>
 #include <utility>
 
 #include "absl/types/span.h"
@@ -48,6 +51,8 @@ constexpr int kDropRounds = 20;
 constexpr std::size_t kLeastMatches = 6;
 
 constexpr int kMostPasses = 14;
+/// Passes before OverlapGrowthOptions::distinct_early.
+constexpr int kPassesToDistinct = 4;
 /// Passes until points with too few matches around them lose their place.
 constexpr int kFirstPasses = 3;
 /// Results with fewer matches are none.
@@ -105,13 +110,34 @@ class Growth {
     least_neighbors_ = std::min<int>(3, static_cast<int>(seed.size()));
   }
 
-  GrownOverlap Run(const std::stop_token& stop) {
-    for (int pass = 0; pass < kMostPasses && !stop.stop_requested(); ++pass) {
-      const int changed = Pass(pass);
-      if (pass > 0) TakeOutContradicting();
-      if (changed <= ground_.size_x() / 100) break;
+  /// Goes on until so many passes are done, or the last one changed little.
+  void Run(int passes, const std::stop_token& stop) {
+    while (passes_ < passes && !is_settled_ && !stop.stop_requested()) {
+      const int changed = Pass(passes_);
+      if (passes_ > 0) TakeOutContradicting();
+      is_settled_ = changed <= ground_.size_x() / 100;
+      ++passes_;
     }
-    KeepOneEach();
+  }
+
+  /// Of neighbors with one place the one stays that fits best.
+  void KeepOneEach() {
+    std::vector<int> x_of_y(ground_.size_y(), -1);
+    for (int x = 0; x < ground_.size_x(); ++x) {
+      if (!matched(x)) continue;
+      int& other = x_of_y[y_of_x_[x]];
+      if (other < 0) {
+        other = x;
+      } else if (pinned_[other] || costs_[other] <= costs_[x]) {
+        TakeOut(x);
+      } else {
+        TakeOut(std::exchange(other, x));
+      }
+    }
+  }
+
+  /// As it stands, injective after KeepOneEach.
+  GrownOverlap Result() const {
     GrownOverlap grown;
     for (int x = 0; x < ground_.size_x(); ++x) {
       if (y_of_x_[x] < 0) continue;
@@ -295,22 +321,6 @@ class Growth {
     return true;
   }
 
-  /// Of neighbors with one place the one stays that fits best.
-  void KeepOneEach() {
-    std::vector<int> x_of_y(ground_.size_y(), -1);
-    for (int x = 0; x < ground_.size_x(); ++x) {
-      if (!matched(x)) continue;
-      int& other = x_of_y[y_of_x_[x]];
-      if (other < 0) {
-        other = x;
-      } else if (pinned_[other] || costs_[other] <= costs_[x]) {
-        TakeOut(x);
-      } else {
-        TakeOut(std::exchange(other, x));
-      }
-    }
-  }
-
   /// A matched point, and how many others it keeps the distance from, itself
   /// among them.
   struct Kept {
@@ -383,6 +393,8 @@ class Growth {
   std::vector<int> first_at_;
   std::vector<int> next_at_;
   int least_neighbors_ = 3;
+  int passes_ = 0;
+  bool is_settled_ = false;
   std::vector<int> in_the_way_;
   std::vector<Witness> witnesses_;  ///< of one point
 };
@@ -405,21 +417,22 @@ bool AreOne(const GrownOverlap& a, const GrownOverlap& b,
   return static_cast<double>(same) > kSameResult * static_cast<double>(either);
 }
 
-std::vector<GrownOverlap> BestDistinct(std::vector<GrownOverlap> grown,
-                                       const Eigen::MatrixXf& distances_y,
-                                       int max_results) {
-  std::stable_sort(grown.begin(), grown.end(),
-                   [](const GrownOverlap& a, const GrownOverlap& b) {
-                     return a.score > b.score;
-                   });
-  std::vector<GrownOverlap> kept;
-  for (GrownOverlap& one : grown) {
-    if (static_cast<int>(kept.size()) == max_results) break;
-    if (one.matches.size() < kLeastResult) continue;
-    if (std::none_of(kept.begin(), kept.end(), [&](const GrownOverlap& other) {
-          return AreOne(one, other, distances_y);
+/// The best `most` that are distinct from each other, best first.
+std::vector<std::size_t> BestDistinct(const std::vector<GrownOverlap>& grown,
+                                      const Eigen::MatrixXf& distances_y,
+                                      std::size_t most) {
+  std::vector<std::size_t> order(grown.size());
+  std::iota(order.begin(), order.end(), 0);
+  std::ranges::stable_sort(order, std::ranges::greater(),
+                           [&](std::size_t i) { return grown[i].score; });
+  std::vector<std::size_t> kept;
+  for (const std::size_t i : order) {
+    if (kept.size() == most) break;
+    if (grown[i].matches.size() < kLeastResult) continue;
+    if (std::ranges::none_of(kept, [&](std::size_t other) {
+          return AreOne(grown[i], grown[other], distances_y);
         })) {
-      kept.push_back(std::move(one));
+      kept.push_back(i);
     }
   }
   return kept;
@@ -439,13 +452,34 @@ absl::StatusOr<std::vector<GrownOverlap>> GrowOverlaps(
   const Ground around = {ground.differences, ground.x,
                          ground.y,           options,
                          std::move(near_x),  std::move(near_y)};
+  std::vector<Growth> growing;
+  growing.reserve(seeds.size());
+  for (const Seed& seed : seeds) growing.emplace_back(around, seed);
   std::vector<GrownOverlap> grown(seeds.size());
+  const auto run = [&](std::size_t i, int passes) {
+    growing[i].Run(passes, stop);
+    if (passes == kMostPasses) growing[i].KeepOneEach();
+    grown[i] = growing[i].Result();
+  };
+  const int at_first = options.distinct_early ? kPassesToDistinct : kMostPasses;
   ISOMATCH_RETURN_IF_ERROR(ParallelFor(
-      static_cast<std::int64_t>(seeds.size()), stop,
-      [&](std::int64_t i) { grown[i] = Growth(around, seeds[i]).Run(stop); }));
+      std::ssize(seeds), stop, [&](std::int64_t i) { run(i, at_first); }));
+  const Eigen::MatrixXf& distances_y = ground.y.distances;
+  const std::vector<std::size_t> going_on =
+      BestDistinct(grown, distances_y, grown.size());
+  ISOMATCH_RETURN_IF_ERROR(
+      ParallelFor(std::ssize(going_on), stop,
+                  [&](std::int64_t i) { run(going_on[i], kMostPasses); }));
   ISOMATCH_RETURN_IF_ERROR(CheckNotCancelled(stop));
-  return BestDistinct(std::move(grown), ground.y.distances,
-                      options.max_results);
+  std::vector<GrownOverlap> finished;
+  finished.reserve(going_on.size());
+  for (const std::size_t i : going_on) finished.push_back(std::move(grown[i]));
+  const std::vector<std::size_t> chosen =
+      BestDistinct(finished, distances_y, options.max_results);
+  std::vector<GrownOverlap> best;
+  best.reserve(chosen.size());
+  for (const std::size_t i : chosen) best.push_back(std::move(finished[i]));
+  return best;
 }
 
 }  // namespace isomatch

@@ -16,6 +16,10 @@ struct OverlapGrowthOptions {
   bool oriented = true;
   /// The first so many matches of every seed stay as they are.
   int pinned = 0;
+  /// Of seeds that have become one after some passes only the best grows on:
+  /// where most become one, a third of the time, and now and then a worse one
+  /// of two that are hard to tell apart.
+  bool distinct_early = false;
   /// At most this many results come back, distinct from each other.
   int max_results = 4;
 };

@@ -202,6 +202,7 @@ class MatchRun {
     growth.oriented = oriented();
     growth.pinned =
         options_.landmarks_exact ? static_cast<int>(trusted.size()) : 0;
+    growth.distinct_early = options_.relation != Relation::kOverlap;
     growth.max_results = options_.candidates;
     return GrowOverlaps({part_->differences,
                          {part_->distances[kX], frames_[kX]},

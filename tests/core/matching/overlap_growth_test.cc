@@ -72,10 +72,10 @@ class OverlapGrowthTest : public testing::Test {
                : static_cast<int>(found - points_y_.begin());
   }
 
-  /// Three points that both have, far from each other.
-  Seed RightSeed() const {
+  /// Three points that both have, far from each other, none of the first few.
+  Seed RightSeed(int first = 0) const {
     Seed seed;
-    for (int x = 0; x < size_x() && seed.size() < 3; ++x) {
+    for (int x = first; x < size_x() && seed.size() < 3; ++x) {
       const int y = TrueY(x);
       const bool apart =
           std::all_of(seed.begin(), seed.end(), [&](const PointMatch& match) {
@@ -138,6 +138,48 @@ TEST_F(OverlapGrowthTest, ResultsAreDistinctAndNoMoreThanAsked) {
   EXPECT_THAT(Grow({RightSeed(), other, RightSeed()}), SizeIs(1));
   options_.max_results = 0;
   EXPECT_THAT(Grow({RightSeed()}), IsEmpty());
+}
+
+TEST_F(OverlapGrowthTest, OfSeedsThatBecomeOneTheBestGrowsToTheEnd) {
+  std::vector<Seed> seeds;
+  std::vector<GrownOverlap> each;
+  double best = 0;
+  for (int first = 0; first < 60; first += 10) {
+    seeds.push_back(RightSeed(first));
+    ASSERT_THAT(seeds.back(), SizeIs(3));
+    const std::vector<GrownOverlap> alone = Grow({seeds.back()});
+    ASSERT_THAT(alone, SizeIs(1));
+    best = std::max(best, alone[0].score);
+    each.push_back(alone[0]);
+  }
+  const std::vector<GrownOverlap> all = Grow(seeds);
+  ASSERT_THAT(all, SizeIs(1));
+  EXPECT_EQ(all[0].score, best);
+  options_.distinct_early = true;
+  const std::vector<GrownOverlap> grown = Grow(seeds);
+  ASSERT_THAT(grown, SizeIs(1));
+  EXPECT_GT(grown[0].score, 0.98 * best);
+  // It is one of them as that grows alone.
+  EXPECT_TRUE(std::ranges::any_of(each, [&](const GrownOverlap& alone) {
+    return alone.matches == grown[0].matches && alone.score == grown[0].score;
+  }));
+}
+
+TEST_F(OverlapGrowthTest, NoTwoPointsKeepOnePlace) {
+  // Each point looks most like the place of its nearest neighbor.
+  for (int x = 0; x < size_x(); ++x) {
+    Eigen::VectorXf distances = distances_x_.col(x);
+    distances[x] = 9;
+    int nearest = 0;
+    distances.minCoeff(&nearest);
+    if (TrueY(nearest) >= 0) differences_(TrueY(nearest), x) = 0;
+  }
+  const std::vector<GrownOverlap> grown = Grow({RightSeed()});
+  ASSERT_THAT(grown, SizeIs(1));
+  std::vector<int> taken;
+  for (const PointMatch& match : grown[0].matches) taken.push_back(match.y);
+  std::ranges::sort(taken);
+  EXPECT_EQ(std::ranges::adjacent_find(taken), taken.end());
 }
 
 TEST_F(OverlapGrowthTest, PinnedMatchesStayWhateverContradictsThem) {
