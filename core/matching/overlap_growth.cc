@@ -456,29 +456,31 @@ absl::StatusOr<std::vector<GrownOverlap>> GrowOverlaps(
   growing.reserve(seeds.size());
   for (const Seed& seed : seeds) growing.emplace_back(around, seed);
   std::vector<GrownOverlap> grown(seeds.size());
-  const auto run = [&](std::size_t i, int passes) {
-    growing[i].Run(passes, stop);
-    if (passes == kMostPasses) growing[i].KeepOneEach();
-    grown[i] = growing[i].Result();
+  std::vector<std::size_t> going_on(seeds.size());
+  std::iota(going_on.begin(), going_on.end(), 0);
+  const auto run = [&](std::int64_t i, int passes) {
+    Growth& one = growing[going_on[i]];
+    one.Run(passes, stop);
+    if (passes == kMostPasses) one.KeepOneEach();
+    grown[going_on[i]] = one.Result();
   };
-  const int at_first = options.distinct_early ? kPassesToDistinct : kMostPasses;
-  ISOMATCH_RETURN_IF_ERROR(ParallelFor(
-      std::ssize(seeds), stop, [&](std::int64_t i) { run(i, at_first); }));
   const Eigen::MatrixXf& distances_y = ground.y.distances;
-  const std::vector<std::size_t> going_on =
-      BestDistinct(grown, distances_y, grown.size());
+  if (options.distinct_early) {
+    ISOMATCH_RETURN_IF_ERROR(
+        ParallelFor(std::ssize(going_on), stop,
+                    [&](std::int64_t i) { run(i, kPassesToDistinct); }));
+    going_on = BestDistinct(grown, distances_y, grown.size());
+    grown.assign(seeds.size(), {});  // the others have no result
+  }
   ISOMATCH_RETURN_IF_ERROR(
       ParallelFor(std::ssize(going_on), stop,
-                  [&](std::int64_t i) { run(going_on[i], kMostPasses); }));
+                  [&](std::int64_t i) { run(i, kMostPasses); }));
   ISOMATCH_RETURN_IF_ERROR(CheckNotCancelled(stop));
-  std::vector<GrownOverlap> finished;
-  finished.reserve(going_on.size());
-  for (const std::size_t i : going_on) finished.push_back(std::move(grown[i]));
   const std::vector<std::size_t> chosen =
-      BestDistinct(finished, distances_y, options.max_results);
+      BestDistinct(grown, distances_y, options.max_results);
   std::vector<GrownOverlap> best;
   best.reserve(chosen.size());
-  for (const std::size_t i : chosen) best.push_back(std::move(finished[i]));
+  for (const std::size_t i : chosen) best.push_back(std::move(grown[i]));
   return best;
 }
 
