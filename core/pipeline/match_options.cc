@@ -191,9 +191,7 @@ absl::Status MatchOptions::Validate() const {
 }
 
 bool MatchOptions::IsTriedAgain() const {
-  return relation == Relation::kOverlap ||
-         (relation != Relation::kWhole && scale == LengthScale::kAuto &&
-          !next_scale);
+  return relation != Relation::kWhole && !next_scale;
 }
 
 const char* RelationName(Relation relation) {

@@ -192,8 +192,8 @@ struct MatchOptions {
   /// INVALID_ARGUMENT naming field, value and allowed range.
   absl::Status Validate() const;
 
-  /// Whether what is not found for sure is looked for again: an overlap with
-  /// other random seeds, a part of unknown scale at the next likely one.
+  /// Whether what is not found for sure may be looked for again: with other
+  /// random seeds, a part of unknown scale at the next likely one.
   bool IsTriedAgain() const;
 };
 

@@ -27,11 +27,14 @@ constexpr double kLargerPart = 1.25;
 constexpr double kSurelyWhole = 0.72;
 constexpr double kAllCovered = 0.97;
 constexpr double kEqualArea = 1.2;
-/// What is less confident is looked for again: an overlap with other random
-/// seeds, a part of unknown scale at the next scale, then with another seed.
+/// What is less confident is looked for again: with other random seeds, a part
+/// of unknown scale at the next scale first.
 constexpr double kSureOverlap = 0.66;
-constexpr double kSureScale = 0.58;
+constexpr double kSurePart = 0.58;
 constexpr int kMoreTries = 2;
+/// Share of what is left to tell that matches have which others may follow: few
+/// do.
+constexpr double kShareOfFirst = 0.75;
 /// Confidence that other random seeds rarely add to an overlap.
 constexpr double kMostGain = 0.1;
 /// How much less confident a map of wholes may be, which leaves nothing out.
@@ -90,6 +93,16 @@ MatchOptions OptionsAs(Relation relation, const MatchOptions& options) {
   return chosen;
 }
 
+/// How often a relation may be looked for again. A part in one unit is only
+/// where nothing else is likely: a map that is not confident loses against
+/// others sooner than another seed makes it win.
+int MostMoreTries(const MatchOptions& options, bool is_alone) {
+  if (!options.IsTriedAgain()) return 0;
+  const bool may_win = is_alone || options.relation == Relation::kOverlap ||
+                       options.scale == LengthScale::kAuto;
+  return may_win ? kMoreTries : 0;
+}
+
 /// Share of the work that is over when two shapes are prepared.
 double PreparedShare(const MatchOptions& options) {
   double prepared = 0;
@@ -102,28 +115,47 @@ double PreparedShare(const MatchOptions& options) {
 }
 
 /// Makes one series of the reports of several matches: the preparation is
-/// reported once, and each match has an equal share of the rest.
+/// reported once, then what is matched for sure has most of the rest.
 class JoinedTries {
  public:
-  JoinedTries(const ProgressCallback& progress, int tries)
-      : progress_(progress), tries_(tries) {}
+  explicit JoinedTries(const ProgressCallback& progress)
+      : progress_(progress) {}
+
+  /// The next matches are of so many relations; unless they are the last ones,
+  /// others may follow.
+  void NextRelations(std::size_t count, bool is_last) {
+    end_of_relation_ = end_of_relations_;
+    const double share = ShareOf(end_of_relation_, 1, is_last);
+    end_of_relations_ += share;
+    share_of_relation_ = share / static_cast<double>(count);
+  }
+
+  /// The next matches are of one of them.
+  void NextRelation() {
+    begin_of_try_ = end_of_relation_;
+    end_of_relation_ += share_of_relation_;
+  }
 
   /// `options`: those of the match.
-  ProgressCallback OfNext(const MatchOptions& options) {
-    const int number = number_++;
+  ProgressCallback OfNext(const MatchOptions& options, bool is_last) {
+    const bool is_first = std::exchange(is_first_, false);
     const double prepared = PreparedShare(options);
-    if (number == 0) prepared_ = prepared;
-    return [this, number, prepared](Progress report) {
-      if (!progress_ || (number > 0 && report.stage < Stage::kSeeds)) return;
-      if (tries_ > 1 && report.stage >= Stage::kSeeds) {
+    if (is_first) prepared_ = prepared;
+    const double begin = begin_of_try_;
+    const double share = ShareOf(begin, end_of_relation_, is_last);
+    begin_of_try_ = begin + share;
+    return [this, is_first, prepared, begin, share](Progress report) {
+      if (!progress_ || (!is_first && report.stage < Stage::kSeeds)) return;
+      if (report.stage >= Stage::kSeeds) {
         const double of_match =
             std::max(0.0, report.total_fraction - prepared) / (1 - prepared);
         report.total_fraction =
-            prepared_ + (1 - prepared_) * (number + of_match) / tries_;
+            prepared_ + (1 - prepared_) * (begin + share * of_match);
       }
       report.has_map = has_map_ = has_map_ || report.has_map;
       // Components are prepared one after the other.
-      told_ = report.total_fraction = std::max(told_, report.total_fraction);
+      told_ = report.total_fraction =
+          std::max(told_, std::min(1.0, report.total_fraction));
       progress_(report);
     };
   }
@@ -133,10 +165,18 @@ class JoinedTries {
   }
 
  private:
+  static double ShareOf(double begin, double end, bool is_last) {
+    return (is_last ? 1 : kShareOfFirst) * (end - begin);
+  }
+
   const ProgressCallback& progress_;
-  const int tries_;
   double prepared_ = 0;  ///< share of the first match
-  int number_ = 0;
+  bool is_first_ = true;
+  // Of what follows the preparation.
+  double begin_of_try_ = 0;
+  double end_of_relation_ = 0;
+  double share_of_relation_ = 1;
+  double end_of_relations_ = 0;
   double told_ = 0;
   bool has_map_ = false;  ///< of whatever try
 };
@@ -176,7 +216,8 @@ class RelationSearch {
   absl::Status Try(const std::vector<Relation>& relations) {
     for (const Relation relation : relations) {
       if (is_sure_ || IsCut(best_.has_value())) return absl::OkStatus();
-      absl::StatusOr<Correspondence> found = BestOf(relation);
+      absl::StatusOr<Correspondence> found =
+          BestOf(relation, /*is_alone=*/relations.size() == 1);
       if (absl::IsFailedPrecondition(found.status())) {
         failure_.Update(found.status());
       } else if (!found.ok()) {
@@ -222,8 +263,8 @@ class RelationSearch {
 
   /// Where there is a map already, a hurry ends it with FAILED_PRECONDITION.
   absl::StatusOr<Correspondence> MatchOnce(const MatchOptions& options,
-                                           bool has_map) {
-    MatchControl control = control_.With(joined_.OfNext(options));
+                                           bool has_map, bool is_last) {
+    MatchControl control = control_.With(joined_.OfNext(options, is_last));
     if (!has_map) return match_(options, control);
     const EitherStop ends({control_.stop, control_.hurry});
     control.stop = ends.token();
@@ -240,25 +281,27 @@ class RelationSearch {
   bool IsWorthMore(const absl::StatusOr<Correspondence>& found) const {
     if (!found.ok()) return absl::IsFailedPrecondition(found.status());
     if (found->relation != Relation::kOverlap) {
-      return found->quality.mean_confidence < kSureScale;
+      return found->quality.mean_confidence < kSurePart;
     }
     return found->quality.mean_confidence < kSureOverlap &&
            (!best_ || ScoreOf(*found) + kMostGain > ScoreOf(*best_));
   }
 
-  absl::StatusOr<Correspondence> BestOf(Relation relation) {
+  absl::StatusOr<Correspondence> BestOf(Relation relation, bool is_alone) {
     MatchOptions options = OptionsAs(relation, options_);
-    absl::StatusOr<Correspondence> best = MatchOnce(options, best_.has_value());
+    const int more = MostMoreTries(options, is_alone);
+    joined_.NextRelation();
+    absl::StatusOr<Correspondence> best =
+        MatchOnce(options, best_.has_value(), /*is_last=*/more == 0);
     // A part without a map has none at another scale.
-    const bool may_be_better = best.ok() || relation == Relation::kOverlap;
-    const int more = may_be_better && options.IsTriedAgain() ? kMoreTries : 0;
+    if (!best.ok() && relation != Relation::kOverlap) return best;
     for (int i = 0; i < more && IsWorthMore(best) && !IsCut(best.ok() || best_);
          ++i) {
-      const bool at_next_scale = relation != Relation::kOverlap && i == 0;
-      options.next_scale = at_next_scale;
-      if (!at_next_scale) ++options.random_seed;
+      options.next_scale = i == 0 && relation != Relation::kOverlap &&
+                           options.scale == LengthScale::kAuto;
+      if (!options.next_scale) ++options.random_seed;
       absl::StatusOr<Correspondence> other =
-          MatchOnce(options, best.ok() || best_);
+          MatchOnce(options, best.ok() || best_, /*is_last=*/i + 1 == more);
       if (absl::IsFailedPrecondition(other.status())) continue;
       if (!other.ok() || !best.ok() || FitsBetter(*other, *best)) {
         best = std::move(other);
@@ -317,8 +360,8 @@ int MostTries(const ShapeOutline& x, const ShapeOutline& y,
   int tries = 0;
   for (const auto* relations : {&order.likely, &order.unlikely}) {
     for (const Relation relation : *relations) {
-      tries += 1;
-      if (OptionsAs(relation, options).IsTriedAgain()) tries += kMoreTries;
+      tries += 1 + MostMoreTries(OptionsAs(relation, options),
+                                 /*is_alone=*/relations->size() == 1);
     }
   }
   return tries;
@@ -330,11 +373,13 @@ absl::StatusOr<Correspondence> FindRelation(const ShapeOutline& x,
                                             const MatchControl& control,
                                             const MatchAs& match) {
   const RelationOrder order = OrderOf(x, y, options);
-  JoinedTries joined(control.progress, MostTries(x, y, options));
+  JoinedTries joined(control.progress);
   RelationSearch search(options, order.may_be_surely_whole, match, control,
                         &joined);
+  joined.NextRelations(order.likely.size(), order.unlikely.empty());
   ISOMATCH_RETURN_IF_ERROR(search.Try(order.likely));
-  if (!search.has_one_not_bad()) {
+  if (!search.has_one_not_bad() && !order.unlikely.empty()) {
+    joined.NextRelations(order.unlikely.size(), /*is_last=*/true);
     ISOMATCH_RETURN_IF_ERROR(search.Try(order.unlikely));
   }
   if (order.likely.size() == 1 &&

@@ -39,9 +39,10 @@ int MostTries(const ShapeOutline& x, const ShapeOutline& y,
 /// Which seed grows to an overlap is chance: where the map is not confident,
 /// and could still win, two more random seeds are tried, and the map with the
 /// lowest rank value is kept of those that are not bad. The same way a part of
-/// unknown scale is tried at the next likely one, and the most confident map
-/// kept. In a hurry nothing more is tried once there is a map; its
-/// relation_confidence is 0 then, unless no other came in question.
+/// unknown scale is tried at the next likely one, then with another seed, and
+/// one in the same unit, where no other relation is likely, with two more; the
+/// most confident map is kept. In a hurry nothing more is tried once there is a
+/// map; its relation_confidence is 0 then, unless no other came in question.
 ///
 /// Not in the paper. Errors are those of `match`, of the most likely relation
 /// where all fail.

@@ -123,7 +123,7 @@ TEST_F(RelationSearchTest, ClosedShapesAreWhole) {
 }
 
 TEST_F(RelationSearchTest, OneThatIsOpenIsAPartOfTheOther) {
-  confidence_ = {{Relation::kPartOfY, 0.5}, {Relation::kPartOfX, 0.5}};
+  confidence_ = {{Relation::kPartOfY, 0.6}, {Relation::kPartOfX, 0.6}};
   auto found = Find(kOpen, kClosed);
   ASSERT_THAT(found, IsOk());
   EXPECT_THAT(tried_, ElementsAre(Relation::kPartOfY));
@@ -267,12 +267,46 @@ TEST_F(RelationSearchTest, APartOfUnknownScaleIsTriedAtTheNextOne) {
     confidence_ = {{part, 0.6}};
     ASSERT_THAT(Find(kOpen, kOpen), IsOk());
     EXPECT_THAT(next_scales_, ElementsAre(false));
-    scale_ = LengthScale::kSame;
-    confidence_ = {{part, 0.5}};
-    ASSERT_THAT(Find(kOpen, kOpen), IsOk());
-    EXPECT_THAT(next_scales_, ElementsAre(false));
-    scale_ = LengthScale::kAuto;
   }
+}
+
+TEST_F(RelationSearchTest, APartInOneUnitIsTriedWithOtherSeeds) {
+  for (const Relation told : {Relation::kPartOfY, Relation::kAuto}) {
+    relation_ = told;
+    confidence_ = {{Relation::kPartOfY, 0.5}};
+    ASSERT_THAT(Find(kOpen, kClosed), IsOk());
+    EXPECT_THAT(seeds_, ElementsAre(1, 2, 3));
+    EXPECT_THAT(next_scales_, ElementsAre(false, false, false));
+    better_seed_ = 2;
+    EXPECT_NEAR(Find(kOpen, kClosed)->quality.mean_confidence, 0.6, 1e-9);
+    EXPECT_THAT(seeds_, ElementsAre(1, 2));
+    better_seed_ = 0;
+    confidence_ = {{Relation::kPartOfY, 0.6}};
+    ASSERT_THAT(Find(kOpen, kClosed), IsOk());
+    EXPECT_THAT(seeds_, ElementsAre(1));
+  }
+}
+
+TEST_F(RelationSearchTest, AmongOtherRelationsAPartInOneUnitIsTriedOnce) {
+  confidence_ = {{Relation::kPartOfY, 0.5}, {Relation::kOverlap, 0.7}};
+  ASSERT_THAT(Find(kOpen, kOpen), IsOk());
+  EXPECT_THAT(seeds_, ElementsAre(1, 1, 1, 1));
+}
+
+TEST_F(RelationSearchTest, ATryThatOthersMayFollowHasMostOfTheProgress) {
+  relation_ = Relation::kPartOfY;
+  confidence_ = {{Relation::kPartOfY, 0.5}};
+  std::vector<double> told;  // when each try has begun to judge its map
+  on_try_ = [&](std::size_t) {
+    told.push_back(reports_.back().total_fraction);
+  };
+  ASSERT_THAT(Find(kOpen, kClosed), IsOk());
+  ASSERT_EQ(told.size(), 3u);
+  EXPECT_GT(told[0], 0.6);
+  EXPECT_GT(told[1], told[0]);
+  EXPECT_GT(told[2], told[1]);
+  EXPECT_LT(told[2], 1);
+  EXPECT_EQ(reports_.back().total_fraction, 1);
 }
 
 TEST_F(RelationSearchTest, WhereAllFailTheFirstErrorIsTold) {
