@@ -187,15 +187,19 @@ bool IsSurelyWhole(const Correspondence& found) {
          found.quality.coverage >= kAllCovered;
 }
 
-/// Of two maps of one relation. Overlaps, in one unit, compare by the rank
-/// value that chose each among those of its seed, unless one alone is bad.
-bool FitsBetter(const Correspondence& a, const Correspondence& b) {
-  if (a.relation != Relation::kOverlap) {
+/// Of two maps of one relation. In one unit they compare by the rank value that
+/// chose each among those of its seed, which two scales do not share: a
+/// mirrored map may be more confident, and a right one of a part be called bad.
+/// Of overlaps one that alone is bad loses.
+bool FitsBetter(const Correspondence& a, const Correspondence& b,
+                const MatchOptions& options) {
+  if (a.relation == Relation::kOverlap) {
+    const bool a_is_bad = a.verdict.level == VerdictLevel::kBad;
+    const bool b_is_bad = b.verdict.level == VerdictLevel::kBad;
+    if (a_is_bad != b_is_bad) return b_is_bad;
+  } else if (options.scale == LengthScale::kAuto) {
     return a.quality.mean_confidence > b.quality.mean_confidence;
   }
-  const bool a_is_bad = a.verdict.level == VerdictLevel::kBad;
-  const bool b_is_bad = b.verdict.level == VerdictLevel::kBad;
-  if (a_is_bad != b_is_bad) return b_is_bad;
   return a.scores.rank_value < b.scores.rank_value;
 }
 
@@ -303,7 +307,7 @@ class RelationSearch {
       absl::StatusOr<Correspondence> other =
           MatchOnce(options, best.ok() || best_, /*is_last=*/i + 1 == more);
       if (absl::IsFailedPrecondition(other.status())) continue;
-      if (!other.ok() || !best.ok() || FitsBetter(*other, *best)) {
+      if (!other.ok() || !best.ok() || FitsBetter(*other, *best, options)) {
         best = std::move(other);
       }
     }

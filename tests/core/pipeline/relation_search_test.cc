@@ -287,6 +287,24 @@ TEST_F(RelationSearchTest, APartInOneUnitIsTriedWithOtherSeeds) {
   }
 }
 
+TEST_F(RelationSearchTest, OfAPartInOneUnitTheMapThatRanksBestIsKept) {
+  relation_ = Relation::kPartOfY;
+  confidence_ = {{Relation::kPartOfY, 0.5}};
+  best_ranked_seed_ = 2;  // a mirrored map may be more confident
+  EXPECT_NEAR(Find(kOpen, kClosed)->quality.mean_confidence, 0.45, 1e-9);
+  // What ranks better in another unit need not fit better.
+  scale_ = LengthScale::kAuto;
+  EXPECT_NEAR(Find(kOpen, kClosed)->quality.mean_confidence, 0.5, 1e-9);
+  EXPECT_THAT(seeds_, ElementsAre(1, 1, 2));
+  // Even if it alone is bad.
+  scale_ = LengthScale::kSame;
+  confidence_ = {{Relation::kPartOfY, 0.48}};
+  const auto found = Find(kOpen, kClosed);
+  ASSERT_THAT(found, IsOk());
+  EXPECT_NEAR(found->quality.mean_confidence, 0.43, 1e-9);
+  EXPECT_EQ(found->verdict.level, VerdictLevel::kBad);
+}
+
 TEST_F(RelationSearchTest, AmongOtherRelationsAPartInOneUnitIsTriedOnce) {
   confidence_ = {{Relation::kPartOfY, 0.5}, {Relation::kOverlap, 0.7}};
   ASSERT_THAT(Find(kOpen, kOpen), IsOk());
