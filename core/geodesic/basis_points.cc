@@ -19,15 +19,16 @@ using Row = Eigen::Map<const Eigen::ArrayXf>;
 /// Called with the number of sources done since the last call.
 using Report = std::function<void(std::size_t)>;
 
+/// Calls `take` for each group of points with where its fields are.
+template <typename Take>
 absl::Status SweepFields(const FieldSweeps& sweeps,
                          absl::Span<const VertexIndex> points,
-                         const Report& report, const std::stop_token& stop,
-                         float* fields) {
+                         const std::stop_token& stop, const Take& take) {
   const std::vector<std::vector<int>> groups = sweeps.Groups(points);
   const auto solve_group = [&](std::int64_t g) {
     FieldSweeps::Workspace workspace;
-    sweeps.Solve(points, groups[g], stop, fields, &workspace);
-    report(groups[g].size());
+    sweeps.Solve(points, groups[g], stop, &workspace);
+    take(groups[g], workspace);
   };
   return ParallelFor(static_cast<std::int64_t>(groups.size()), stop,
                      solve_group);
@@ -52,6 +53,10 @@ absl::Status SolveFields(const DistanceFieldSolver& solver,
       static_cast<std::int64_t>((points.size() + kSourcesPerTask - 1) /
                                 kSourcesPerTask),
       stop, solve_some);
+}
+
+bool IsSwept(const DistanceFieldSolver& solver) {
+  return solver.num_vertices() <= FieldSweeps::kMostVertices;
 }
 
 }  // namespace
@@ -80,11 +85,23 @@ absl::StatusOr<BasisPoints> BasisPoints::Create(
     if (progress && !stop.stop_requested()) progress(double(done) / count);
   };
   float* const fields = basis.fields_.data();
-  ISOMATCH_RETURN_IF_ERROR(
-      solver.num_vertices() <= FieldSweeps::kMostVertices
-          ? SweepFields(FieldSweeps(solver.stencils(), least_change),
-                        basis.points_, report, stop, fields)
-          : SolveFields(solver, basis.points_, report, stop, fields));
+  if (IsSwept(solver)) {
+    const FieldSweeps sweeps(solver.stencils(), least_change);
+    const auto write = [&](const std::vector<int>& group,
+                           const FieldSweeps::Workspace& found) {
+      for (VertexIndex v = 0; v < basis.num_vertices_; ++v) {
+        for (std::size_t lane = 0; lane < group.size(); ++lane) {
+          fields[std::int64_t{v} * count + group[lane]] =
+              sweeps.Distance(found, v, lane);
+        }
+      }
+      report(group.size());
+    };
+    ISOMATCH_RETURN_IF_ERROR(SweepFields(sweeps, basis.points_, stop, write));
+  } else {
+    ISOMATCH_RETURN_IF_ERROR(
+        SolveFields(solver, basis.points_, report, stop, fields));
+  }
   // A stop during the last sources left them undone.
   ISOMATCH_RETURN_IF_ERROR(CheckNotCancelled(stop));
   return basis;
@@ -131,6 +148,37 @@ float BasisPoints::MeanDistance(int z) const {
     ++reached;
   }
   return static_cast<float>(sum / std::max<VertexIndex>(reached, 1));
+}
+
+absl::StatusOr<Eigen::MatrixXf> DistancesAmong(
+    const DistanceFieldSolver& solver, absl::Span<const VertexIndex> points,
+    const std::stop_token& stop, float least_change) {
+  const auto count = static_cast<std::int64_t>(points.size());
+  Eigen::MatrixXf distances(count, count);
+  if (IsSwept(solver)) {
+    const FieldSweeps sweeps(solver.stencils(), least_change);
+    const auto write = [&](const std::vector<int>& group,
+                           const FieldSweeps::Workspace& found) {
+      for (std::int64_t j = 0; j < count; ++j) {
+        for (std::size_t lane = 0; lane < group.size(); ++lane) {
+          distances(j, group[lane]) = sweeps.Distance(found, points[j], lane);
+        }
+      }
+    };
+    ISOMATCH_RETURN_IF_ERROR(SweepFields(sweeps, points, stop, write));
+  } else {
+    const auto solve = [&](std::int64_t z) {
+      DistanceFieldSolver::Workspace workspace;
+      std::vector<float> field(solver.num_vertices());
+      solver.Solve(points[z], field.data(), 1, &workspace);
+      for (std::int64_t j = 0; j < count; ++j) {
+        distances(j, z) = field[points[j]];
+      }
+    };
+    ISOMATCH_RETURN_IF_ERROR(ParallelFor(count, stop, solve));
+  }
+  ISOMATCH_RETURN_IF_ERROR(CheckNotCancelled(stop));
+  return 0.5f * (distances + distances.transpose());
 }
 
 Environments EnvironmentsOf(const BasisPoints& basis,

@@ -5,6 +5,7 @@
 #include <stop_token>
 #include <vector>
 
+#include "Eigen/Core"
 #include "absl/status/statusor.h"
 #include "absl/types/span.h"
 #include "core/base/sorted_buckets.h"
@@ -74,6 +75,14 @@ class BasisPoints {
   VertexIndex num_vertices_ = 0;
   std::vector<float> fields_;  ///< n x |Z|, row by vertex
 };
+
+/// Distances between `points`, P x P, symmetric, mesh units, kUnreachable
+/// between components: means of the fields of both ends, which differ in their
+/// last digits. `least_change` as in BasisPoints::Create. CANCELLED after
+/// `stop`.
+absl::StatusOr<Eigen::MatrixXf> DistancesAmong(
+    const DistanceFieldSolver& solver, absl::Span<const VertexIndex> points,
+    const std::stop_token& stop, float least_change = FieldSweeps::kRounding);
 
 /// The environment of each basis point: the vertices among whose three nearest
 /// basis points it is (paper, Section 3.1, Figure 2). Each vertex is in exactly

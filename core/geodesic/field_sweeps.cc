@@ -3,16 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <limits>
 #include <numeric>
 #include <utility>
-
-#include "core/geodesic/distance_field_solver.h"
 
 namespace isomatch {
 namespace {
 
-/// No distance yet, in mean edges. Its square is finite.
-constexpr float kFar = 1e18f;
 /// Updates a vertex, over all vertices, after which only ways along edges
 /// count, as in DistanceFieldSolver. Sound meshes take 9 to 32.
 constexpr std::int64_t kMostUpdates = 256;
@@ -94,15 +91,14 @@ std::vector<std::vector<int>> FieldSweeps::Groups(
   while (!left.empty()) {
     OrderFrom(sources[left.front()], &workspace);
     const auto edges = [&](int z) { return workspace.edges[sources[z]]; };
+    const std::size_t most = std::min<std::size_t>(kLanes, left.size());
     // Those of other components come last.
-    std::ranges::stable_sort(left, std::less<>(), [&](int z) {
-      return static_cast<std::uint32_t>(edges(z));
-    });
+    std::ranges::partial_sort(
+        left, left.begin() + most, std::less<>(), [&](int z) {
+          return std::pair(static_cast<std::uint32_t>(edges(z)), z);
+        });
     std::size_t size = 1;
-    while (size < std::min<std::size_t>(kLanes, left.size()) &&
-           edges(left[size]) >= 0) {
-      ++size;
-    }
+    while (size < most && edges(left[size]) >= 0) ++size;
     groups.emplace_back(left.begin(), left.begin() + size);
     left.erase(left.begin(), left.begin() + size);
     std::ranges::sort(left);
@@ -115,8 +111,10 @@ bool FieldSweeps::Update(VertexIndex vertex, bool over_planes,
   float* const own = distances + std::int64_t{vertex} * kLanes;
   const Lanes before = LoadLanes(own);
   const Lanes zero = {};
-  const Lanes far = AllLanes(kFar);
+  const Lanes infinite = AllLanes(std::numeric_limits<float>::infinity());
   Lanes now = before;
+  // Squares, since the least root is the root of the least.
+  Lanes over_plane = infinite;
   for (auto i = first_[vertex]; i < first_[vertex + 1]; ++i) {
     const Triangle& t = triangles_[i];
     const Lanes a = LoadLanes(distances + std::int64_t{t.a} * kLanes);
@@ -132,8 +130,10 @@ bool FieldSweeps::Update(VertexIndex vertex, bool over_planes,
     const Lanes crossing = x * down + across * y;
     const auto hits =
         (y_squared >= zero) & (crossing >= zero) & (crossing <= t.base * down);
-    now = MinLanes(now, hits ? SqrtLanes(across * across + down * down) : far);
+    over_plane =
+        MinLanes(over_plane, hits ? across * across + down * down : infinite);
   }
+  now = MinLanes(now, SqrtLanes(over_plane));
   if (!AnyLane(now < before * kept_)) return false;
   StoreLanes(now, own);
   return true;
@@ -148,7 +148,7 @@ void FieldSweeps::SetWaiting(VertexIndex changed,
 
 void FieldSweeps::Solve(absl::Span<const VertexIndex> sources,
                         absl::Span<const int> group,
-                        const std::stop_token& stop, float* fields,
+                        const std::stop_token& stop,
                         Workspace* workspace) const {
   OrderFrom(sources[group.front()], workspace);
   std::vector<float>& distances = workspace->distances;
@@ -169,13 +169,6 @@ void FieldSweeps::Solve(absl::Span<const VertexIndex> sources,
       if (!Update(v, --left >= 0, distances.data())) continue;
       SetWaiting(v, &waiting);
       changed = true;
-    }
-  }
-  for (VertexIndex v = 0; v < num_vertices(); ++v) {
-    for (std::size_t lane = 0; lane < group.size(); ++lane) {
-      const float distance = distances[std::size_t{kLanes} * v + lane];
-      fields[static_cast<std::int64_t>(v * sources.size()) + group[lane]] =
-          distance < kFar ? distance * scale_ : kUnreachable;
     }
   }
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <stop_token>
 #include <vector>
@@ -7,6 +8,7 @@
 #include "absl/types/span.h"
 #include "core/base/lanes.h"
 #include "core/base/vertex_index.h"
+#include "core/geodesic/distance_field_solver.h"
 #include "core/geodesic/wavefront_stencils.h"
 
 namespace isomatch {
@@ -60,13 +62,19 @@ class FieldSweeps {
   std::vector<std::vector<int>> Groups(
       absl::Span<const VertexIndex> sources) const;
 
-  /// Writes the distance from sources[z] to vertex v, mesh units, kUnreachable
-  /// to other components, to fields[v * sources.size() + z] for all z of
-  /// `group`, one of Groups. Ends early, with fields that are not done, after
-  /// `stop`.
+  /// Leaves the fields of sources[z] for all z of `group`, one of Groups, in
+  /// `workspace`. Ends early, with fields that are not done, after `stop`.
   void Solve(absl::Span<const VertexIndex> sources, absl::Span<const int> group,
-             const std::stop_token& stop, float* fields,
-             Workspace* workspace) const;
+             const std::stop_token& stop, Workspace* workspace) const;
+
+  /// The distance that Solve left from the source number `lane` of its group to
+  /// `vertex`, mesh units; kUnreachable to other components.
+  float Distance(const Workspace& workspace, VertexIndex vertex,
+                 std::size_t lane) const {
+    const float distance =
+        workspace.distances[std::size_t{kLanes} * vertex + lane];
+    return distance < kFar ? distance * scale_ : kUnreachable;
+  }
 
  private:
   /// A way to a vertex over the edge ab, in the plane of the (unfolded)
@@ -77,6 +85,9 @@ class FieldSweeps {
     float x, y;
     float from_a, from_b;  ///< lengths to the vertex
   };
+
+  /// No distance yet, in mean edges. Its square is finite.
+  static constexpr float kFar = 1e18f;
 
   void OrderFrom(VertexIndex source, Workspace* workspace) const;
   bool Update(VertexIndex vertex, bool over_planes, float* distances) const;

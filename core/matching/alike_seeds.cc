@@ -57,7 +57,22 @@ class TripleSearch {
         points_x_(std::min<int>(options.points_x, differences.cols())),
         nearness_x_((-x.distances / kSupportWidth).array().exp()),
         nearness_y_((-y.distances / kSupportWidth).array().exp()) {
-    FindPartners();
+    partners_.resize(points_x_);
+  }
+
+  /// The first thing to call.
+  absl::Status FindPartners(const std::stop_token& stop) {
+    const auto count = std::min<int>(options_.partners, differences_.rows());
+    return ParallelFor(points_x_, stop, [&](std::int64_t x) {
+      std::vector<int> order(differences_.rows());
+      std::iota(order.begin(), order.end(), 0);
+      std::partial_sort(order.begin(), order.begin() + count, order.end(),
+                        [&](int a, int b) {
+                          return std::pair(differences_(a, x), a) <
+                                 std::pair(differences_(b, x), b);
+                        });
+      partners_[x] = {order.begin(), order.begin() + count};
+    });
   }
 
   /// One random triple with its best partners; no support where it has none.
@@ -79,20 +94,6 @@ class TripleSearch {
   }
 
  private:
-  void FindPartners() {
-    const int count = std::min<int>(options_.partners, differences_.rows());
-    std::vector<int> order(differences_.rows());
-    for (int x = 0; x < points_x_; ++x) {
-      std::iota(order.begin(), order.end(), 0);
-      std::partial_sort(order.begin(), order.begin() + count, order.end(),
-                        [&](int a, int b) {
-                          return std::pair(differences_(a, x), a) <
-                                 std::pair(differences_(b, x), b);
-                        });
-      partners_.emplace_back(order.begin(), order.begin() + count);
-    }
-  }
-
   bool AgreeInDistance(const std::array<int, 3>& xs,
                        const std::array<int, 3>& ys, int i, int j) const {
     return Agree(x_.distances(xs[i], xs[j]), y_.distances(ys[i], ys[j]));
@@ -208,7 +209,8 @@ absl::StatusOr<SupportedSeeds> AlikeSeeds(const Eigen::MatrixXf& differences,
                                           const SeedSide& x, const SeedSide& y,
                                           const AlikeSeedOptions& options,
                                           const std::stop_token& stop) {
-  const TripleSearch search(differences, x, y, options);
+  TripleSearch search(differences, x, y, options);
+  ISOMATCH_RETURN_IF_ERROR(search.FindPartners(stop));
   std::vector<RankedTriple> triples(options.tries);
   ISOMATCH_RETURN_IF_ERROR(ParallelFor(kStreams, stop, [&](std::int64_t i) {
     RandomStream random(options.random_seed, i);

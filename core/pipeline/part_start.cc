@@ -92,19 +92,7 @@ absl::Status Measure(const PreparedMesh& shape, const std::stop_token& stop,
                       shape.curvature(vertices)};
   measured->rim_distances = RimDistances(solved.mesh, solver);
   ISOMATCH_ASSIGN_OR_RETURN(
-      const BasisPoints fields,
-      BasisPoints::Create(solver, vertices, nullptr, stop, kPoolChange));
-  const auto size = static_cast<int>(vertices.size());
-  measured->distances.resize(size, size);
-  for (int i = 0; i < size; ++i) {
-    for (int j = 0; j <= i; ++j) {
-      // The fields are not symmetric to the last digit.
-      const float distance = 0.5f * (fields.Distance(vertices[i], j) +
-                                     fields.Distance(vertices[j], i));
-      measured->distances(i, j) = distance;
-      measured->distances(j, i) = distance;
-    }
-  }
+      measured->distances, DistancesAmong(solver, vertices, stop, kPoolChange));
   return absl::OkStatus();
 }
 

@@ -101,13 +101,38 @@ TEST(BasisPointsTest, FieldsAreTheSolversAtAnySize) {
   }
 }
 
+TEST(BasisPointsTest, DistancesAmongPointsAreMeansOfBothEndsFields) {
+  const std::vector<VertexIndex> points = {0,   77,  1000, 2000, 5,
+                                           300, 222, 81,   1,    2500};
+  for (const int level : {4, 5}) {
+    const DistanceFieldSolver solver(UnitSphere(level));
+    const BasisPoints basis = *BasisPoints::Create(solver, points, {}, {});
+    const absl::StatusOr<Eigen::MatrixXf> among =
+        DistancesAmong(solver, points, {});
+    ASSERT_THAT(among, IsOk());
+    ASSERT_EQ(among->rows(), std::ssize(points));
+    ASSERT_EQ(among->cols(), std::ssize(points));
+    for (int i = 0; i < std::ssize(points); ++i) {
+      for (int j = 0; j < std::ssize(points); ++j) {
+        EXPECT_EQ((*among)(i, j), 0.5f * (basis.Distance(points[i], j) +
+                                          basis.Distance(points[j], i)));
+      }
+    }
+  }
+}
+
 TEST(BasisPointsTest, CreationStopsWhenAsked) {
   std::stop_source stop;
   stop.request_stop();
   const DistanceFieldSolver solver(UnitSphere(2));
+  const auto is_cancelled = StatusIs(absl::StatusCode::kCancelled, testing::_);
   EXPECT_THAT(
       BasisPoints::Create(solver, {0, 1, 2}, {}, stop.get_token()).status(),
-      StatusIs(absl::StatusCode::kCancelled, testing::_));
+      is_cancelled);
+  EXPECT_THAT(
+      DistancesAmong(solver, std::vector<VertexIndex>{0, 1}, stop.get_token())
+          .status(),
+      is_cancelled);
 }
 
 TEST(EnvironmentsTest, EachVertexIsInThoseOfItsThreeNearestBasisPoints) {

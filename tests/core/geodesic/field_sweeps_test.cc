@@ -25,7 +25,13 @@ std::vector<float> SweptFields(const DistanceFieldSolver& solver,
                             std::numeric_limits<float>::quiet_NaN());
   FieldSweeps::Workspace workspace;
   for (const std::vector<int>& group : sweeps.Groups(sources)) {
-    sweeps.Solve(sources, group, {}, fields.data(), &workspace);
+    sweeps.Solve(sources, group, {}, &workspace);
+    for (VertexIndex v = 0; v < solver.num_vertices(); ++v) {
+      for (std::size_t lane = 0; lane < group.size(); ++lane) {
+        fields[v * sources.size() + group[lane]] =
+            sweeps.Distance(workspace, v, lane);
+      }
+    }
   }
   return fields;
 }
@@ -165,13 +171,13 @@ TEST(FieldSweepsTest, AStopEndsItEarly) {
   const FieldSweeps sweeps(solver.stencils());
   std::stop_source stop;
   stop.request_stop();
-  std::vector<float> field(mesh.num_vertices());
   FieldSweeps::Workspace workspace;
   const std::vector<VertexIndex> sources = {0};
-  sweeps.Solve(sources, std::vector<int>{0}, stop.get_token(), field.data(),
-               &workspace);
-  EXPECT_EQ(field[0], 0);
-  EXPECT_EQ(std::ranges::count(field, kUnreachable), mesh.num_vertices() - 1);
+  sweeps.Solve(sources, std::vector<int>{0}, stop.get_token(), &workspace);
+  EXPECT_EQ(sweeps.Distance(workspace, 0, 0), 0);
+  for (VertexIndex v = 1; v < mesh.num_vertices(); ++v) {
+    EXPECT_EQ(sweeps.Distance(workspace, v, 0), kUnreachable);
+  }
 }
 
 }  // namespace
