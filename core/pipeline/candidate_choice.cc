@@ -107,24 +107,24 @@ absl::Status CandidateChoice::DescribeAlike() {
   return absl::OkStatus();
 }
 
-absl::StatusOr<VertexMap> CandidateChoice::Alike(
-    const VertexMap& y_from_x, const NearbyMatchOptions& options) {
-  if (!compared_) {
-    ISOMATCH_ASSIGN_OR_RETURN(
-        DescribedPair pair,
-        PairDescriptors(*descriptors_[kX], {*descriptors_[kY], surface_y_},
-                        stop_));
-    compared_.emplace(std::move(pair));
-  }
-  return MatchNearby(*compared_, y_from_x, options, stop_);
+absl::Status CandidateChoice::Compare() {
+  if (!described() || compared_) return absl::OkStatus();
+  ISOMATCH_ASSIGN_OR_RETURN(
+      DescribedPair pair,
+      PairDescriptors(*descriptors_[kX], {*descriptors_[kY], surface_y_},
+                      stop_));
+  compared_.emplace(std::move(pair));
+  return absl::OkStatus();
 }
 
 /// Moves the images of vertices that are described to the most alike ones in
 /// reach.
-absl::Status CandidateChoice::MoveToAlike(double reach, VertexMap* y_from_x) {
+absl::Status CandidateChoice::MoveToAlike(double reach,
+                                          VertexMap* y_from_x) const {
   if (!described()) return absl::OkStatus();
-  ISOMATCH_ASSIGN_OR_RETURN(const VertexMap alike,
-                            Alike(*y_from_x, {.reach = reach}));
+  ISOMATCH_ASSIGN_OR_RETURN(
+      const VertexMap alike,
+      MatchNearby(*compared_, *y_from_x, {.reach = reach}, stop_));
   for (std::size_t x = 0; x < alike.size(); ++x) {
     if (alike[x] != kNoVertex) (*y_from_x)[x] = alike[x];
   }
@@ -148,7 +148,7 @@ Eigen::VectorXd CandidateChoice::DescribedMass() const {
 /// Looks for the most alike vertices near the images, then lets the wavelet
 /// filter find the smooth map behind those noisy matches. Of overlaps, whose
 /// functions differ, the alignment has to find it.
-absl::Status CandidateChoice::Filter(VertexMap* y_from_x) {
+absl::Status CandidateChoice::Filter(VertexMap* y_from_x) const {
   if (masks()) return MoveToAlike(kAlikeReach, y_from_x);
   const auto k = static_cast<int>(x_.functions.rows());
   const Eigen::MatrixXf filter =
@@ -182,7 +182,7 @@ absl::Status CandidateChoice::Filter(VertexMap* y_from_x) {
 }
 
 absl::Status CandidateChoice::Mask(int round, double stiffness,
-                                   ElasticAlignment* alignment) {
+                                   ElasticAlignment* alignment) const {
   if (!masks()) return absl::OkStatus();
   const double left = 1 - double(round) / options_.alignment_rounds;
   std::vector<char> matched = rule_->Matched(
@@ -194,7 +194,7 @@ absl::Status CandidateChoice::Mask(int round, double stiffness,
 
 absl::StatusOr<int> CandidateChoice::RunRounds(
     int begin, int end, const std::function<void(double)>& progress,
-    ElasticAlignment* alignment) {
+    ElasticAlignment* alignment) const {
   const double last =
       options_.alignment_stiffness_last * (bends_y() ? kPartsLastStiffness : 1);
   const double fall = last / options_.alignment_stiffness_first;
@@ -256,7 +256,7 @@ FirstSigns CandidateChoice::SignsOf(const ElasticAlignment& alignment,
 }
 
 absl::Status CandidateChoice::Judge(const ElasticAlignment& alignment,
-                                    Candidate* candidate) {
+                                    Candidate* candidate) const {
   candidate->y_from_x = alignment.y_from_x();
   candidate->matched = alignment.matched();
   MapScores* const scores = &candidate->scores;
@@ -278,7 +278,7 @@ absl::Status CandidateChoice::Judge(const ElasticAlignment& alignment,
 }
 
 absl::Status CandidateChoice::JudgeOverlap(const ElasticAlignment& alignment,
-                                           MapScores* scores) {
+                                           MapScores* scores) const {
   scores->descriptor_mismatch =
       LookedUpMismatch(alignment.y_from_x(), alignment.matched());
   ISOMATCH_ASSIGN_OR_RETURN(const OverlapMisfit misfit,
@@ -325,43 +325,71 @@ absl::StatusOr<std::unique_ptr<ElasticAlignment>> CandidateChoice::Choose(
     return nullptr;
   }
   ISOMATCH_RETURN_IF_ERROR(DescribeAlike());
-  const int rounds = std::min(kJudgedRounds, options_.alignment_rounds);
-  std::unique_ptr<ElasticAlignment> best;
-  Candidate* leading = nullptr;
+  ISOMATCH_RETURN_IF_ERROR(Compare());
+  if (rule_) ISOMATCH_RETURN_IF_ERROR(rule_->SolveSources());
+  ISOMATCH_ASSIGN_OR_RETURN(std::unique_ptr<ElasticAlignment> next,
+                            Begin(&candidates->front()));
+  Lead lead;
   std::size_t judged = 0;
-  for (; judged < candidates->size(); ++judged) {
+  while (judged < candidates->size() && next != nullptr) {
     if (hurries() && (judged > 0 || !masks())) break;
     Candidate& candidate = (*candidates)[judged];
     const auto report = [&](double fraction) {
       progress((double(judged) + fraction) /
                static_cast<double>(candidates->size()));
     };
-    ISOMATCH_ASSIGN_OR_RETURN(std::unique_ptr<ElasticAlignment> alignment,
-                              Begin(&candidate));
-    candidate.is_lost = leading != nullptr && IsLost(candidate, *leading);
-    if (candidate.is_lost) {
-      JudgeLost(&candidate);
-      continue;
-    }
-    ISOMATCH_ASSIGN_OR_RETURN(const int done,
-                              RunRounds(std::min(kFirstRounds, rounds), rounds,
-                                        report, alignment.get()));
-    if (judged > 0 && done < rounds) break;  // does not compare
-    ISOMATCH_RETURN_IF_ERROR(Judge(*alignment, &candidate));
-    if (leading == nullptr || RanksBefore(candidate, *leading)) {
-      leading = &candidate;
-      best = std::move(alignment);
-    }
+    // Factors and the like keep one core busy: the next one is begun beside.
+    std::unique_ptr<ElasticAlignment> alignment = std::move(next);
+    bool compares = true;
+    ISOMATCH_RETURN_IF_ERROR(RunBoth(
+        [&]() -> absl::Status {
+          ISOMATCH_ASSIGN_OR_RETURN(
+              compares,
+              Follow(report, &candidate, std::move(alignment), &lead));
+          return absl::OkStatus();
+        },
+        [&]() -> absl::Status {
+          if (judged + 1 == candidates->size() || hurries()) {
+            return absl::OkStatus();
+          }
+          ISOMATCH_ASSIGN_OR_RETURN(next, Begin(&(*candidates)[judged + 1]));
+          return absl::OkStatus();
+        }));
+    if (!compares) break;
+    ++judged;
   }
   KeepFirst(std::max<std::size_t>(judged, 1), candidates);
   std::stable_sort(candidates->begin(), candidates->end(), RanksBefore);
   RankLost(candidates);
-  return best;
+  return std::move(lead.alignment);
+}
+
+/// Judges a map that was begun, or gives it up. False where hurry left it with
+/// fewer rounds than the leading one had.
+absl::StatusOr<bool> CandidateChoice::Follow(
+    const std::function<void(double)>& progress, Candidate* candidate,
+    std::unique_ptr<ElasticAlignment> alignment, Lead* lead) const {
+  candidate->is_lost =
+      lead->candidate != nullptr && IsLost(*candidate, *lead->candidate);
+  if (candidate->is_lost) {
+    JudgeLost(candidate);
+    return true;
+  }
+  const int rounds = std::min(kJudgedRounds, options_.alignment_rounds);
+  ISOMATCH_ASSIGN_OR_RETURN(const int done,
+                            RunRounds(std::min(kFirstRounds, rounds), rounds,
+                                      progress, alignment.get()));
+  if (lead->candidate != nullptr && done < rounds) return false;
+  ISOMATCH_RETURN_IF_ERROR(Judge(*alignment, candidate));
+  if (lead->candidate == nullptr || RanksBefore(*candidate, *lead->candidate)) {
+    *lead = {candidate, std::move(alignment)};
+  }
+  return true;
 }
 
 /// Refines a dense map and lays it out by the first rounds.
 absl::StatusOr<std::unique_ptr<ElasticAlignment>> CandidateChoice::Begin(
-    Candidate* candidate) {
+    Candidate* candidate) const {
   if (!is_part()) {
     candidate->dense_mismatch = LookedUpMismatch(candidate->y_from_x, {});
   }
@@ -398,7 +426,7 @@ bool CandidateChoice::IsLost(const Candidate& candidate,
 
 absl::StatusOr<int> CandidateChoice::Finish(
     bool from_start, const std::function<void(double)>& progress,
-    ElasticAlignment* alignment) {
+    ElasticAlignment* alignment) const {
   const int begin =
       from_start ? 0 : std::min(kJudgedRounds, options_.alignment_rounds - 1);
   return RunRounds(begin, options_.alignment_rounds, progress, alignment);
@@ -408,9 +436,12 @@ absl::StatusOr<std::vector<float>> CandidateChoice::DescriptorOffsets(
     const VertexMap& y_from_x) {
   std::vector<float> offsets(y_from_x.size(), -1);
   if (!described()) return offsets;
+  // What was in a hurry has not compared them yet.
+  ISOMATCH_RETURN_IF_ERROR(Compare());
   ISOMATCH_ASSIGN_OR_RETURN(
       const VertexMap alike,
-      Alike(y_from_x, {.reach = kOffsetReach, .every = kOffsetEvery}));
+      MatchNearby(*compared_, y_from_x,
+                  {.reach = kOffsetReach, .every = kOffsetEvery}, stop_));
   for (std::size_t x = 0; x < alike.size(); ++x) {
     if (alike[x] == kNoVertex) continue;
     offsets[x] = static_cast<float>(

@@ -55,7 +55,7 @@ class CandidateChoice {
   /// to the last round, but in a hurry. REQUIRES: Choose.
   absl::StatusOr<int> Finish(bool from_start,
                              const std::function<void(double)>& progress,
-                             ElasticAlignment* alignment);
+                             ElasticAlignment* alignment) const;
 
   /// How far from the image of each vertex of X, in sqrt(area), the vertex near
   /// it with the most alike descriptor lies; -1 where nothing is described.
@@ -68,33 +68,45 @@ class CandidateChoice {
 
  private:
   absl::Status DescribeAlike();
-  absl::StatusOr<VertexMap> Alike(const VertexMap& y_from_x,
-                                  const NearbyMatchOptions& options);
-  absl::Status MoveToAlike(double reach, VertexMap* y_from_x);
+  absl::Status Compare();
+  absl::Status MoveToAlike(double reach, VertexMap* y_from_x) const;
   Eigen::VectorXd DescribedMass() const;
-  absl::Status Filter(VertexMap* y_from_x);
+  absl::Status Filter(VertexMap* y_from_x) const;
   /// Returns how far it came: at `end`, but in a hurry.
   absl::StatusOr<int> RunRounds(int begin, int end,
                                 const std::function<void(double)>& progress,
-                                ElasticAlignment* alignment);
+                                ElasticAlignment* alignment) const;
   AlignmentOptions HowAligned() const;
   absl::StatusOr<std::unique_ptr<ElasticAlignment>> LayOut(
       const Candidate& candidate) const;
   /// Of overlaps: what is matched is pulled from then on.
-  absl::Status Mask(int round, double stiffness, ElasticAlignment* alignment);
+  absl::Status Mask(int round, double stiffness,
+                    ElasticAlignment* alignment) const;
   /// Takes the map over and completes its scores.
-  absl::Status Judge(const ElasticAlignment& alignment, Candidate* candidate);
+  absl::Status Judge(const ElasticAlignment& alignment,
+                     Candidate* candidate) const;
   std::optional<double> Difference(VertexIndex x, VertexIndex y) const;
   /// Of the vertices that are matched; empty: of all.
   double LookedUpMismatch(const VertexMap& y_from_x,
                           const std::vector<char>& matched) const;
   FirstSigns SignsOf(const ElasticAlignment& alignment,
                      const Candidate& candidate) const;
-  absl::StatusOr<std::unique_ptr<ElasticAlignment>> Begin(Candidate* candidate);
+  /// The best map yet.
+  struct Lead {
+    Candidate* candidate = nullptr;
+    std::unique_ptr<ElasticAlignment> alignment;
+  };
+
+  absl::StatusOr<std::unique_ptr<ElasticAlignment>> Begin(
+      Candidate* candidate) const;
+  absl::StatusOr<bool> Follow(const std::function<void(double)>& progress,
+                              Candidate* candidate,
+                              std::unique_ptr<ElasticAlignment> alignment,
+                              Lead* lead) const;
   void JudgeLost(Candidate* candidate) const;
   bool IsLost(const Candidate& candidate, const Candidate& leading) const;
   absl::Status JudgeOverlap(const ElasticAlignment& alignment,
-                            MapScores* scores);
+                            MapScores* scores) const;
   bool hurries() const { return hurry_.stop_requested(); }
   bool is_part() const { return options_.relation != Relation::kWhole; }
   bool masks() const { return options_.relation == Relation::kOverlap; }

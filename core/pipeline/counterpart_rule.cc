@@ -124,21 +124,23 @@ double CounterpartRule::OpenBorder(const ElasticAlignment& alignment) const {
   return length;
 }
 
-absl::StatusOr<CounterpartRule::ComparedFields> CounterpartRule::FieldsOf(
-    const VertexMap& y_from_x, const std::vector<char>& matched) {
+absl::Status CounterpartRule::SolveSources() {
   const VertexIndex n = solved_x_.mesh.num_vertices();
-  if (!from_x_) {
-    std::vector<VertexIndex> all;
-    const VertexIndex step = (n + kSources - 1) / kSources;
-    for (VertexIndex x = 0; x < n; x += step) all.push_back(x);
-    ISOMATCH_ASSIGN_OR_RETURN(
-        from_x_, BasisPoints::Create(solver_x_, std::move(all), nullptr, stop_,
-                                     kFieldChange));
-  }
+  std::vector<VertexIndex> all;
+  const VertexIndex step = (n + kSources - 1) / kSources;
+  for (VertexIndex x = 0; x < n; x += step) all.push_back(x);
+  ISOMATCH_ASSIGN_OR_RETURN(
+      from_x_, BasisPoints::Create(solver_x_, std::move(all), nullptr, stop_,
+                                   kFieldChange));
+  return absl::OkStatus();
+}
+
+absl::StatusOr<CounterpartRule::ComparedFields> CounterpartRule::FieldsOf(
+    const VertexMap& y_from_x, const std::vector<char>& matched) const {
   ComparedFields fields;
   std::vector<VertexIndex> images;
-  for (int z = 0; z < from_x_->num_points(); ++z) {
-    const VertexIndex x = from_x_->points()[z];
+  for (int z = 0; z < from_x_.num_points(); ++z) {
+    const VertexIndex x = from_x_.points()[z];
     if (!matched[x]) continue;
     fields.sources.push_back(z);
     images.push_back(y_from_x[x]);
@@ -151,14 +153,14 @@ absl::StatusOr<CounterpartRule::ComparedFields> CounterpartRule::FieldsOf(
 }
 
 absl::Status CounterpartRule::LeaveOutContradicting(
-    const ElasticAlignment& alignment, std::vector<char>* matched) {
+    const ElasticAlignment& alignment, std::vector<char>* matched) const {
   const VertexMap& y_from_x = alignment.y_from_x();
   ISOMATCH_ASSIGN_OR_RETURN(const ComparedFields fields,
                             FieldsOf(y_from_x, *matched));
   std::vector<int> asked(fields.sources.size());  // positions in `fields`
   std::iota(asked.begin(), asked.end(), 0);
   const auto median_excess = [&](VertexIndex x) {
-    const float* const from_x = from_x_->Profile(x);
+    const float* const from_x = from_x_.Profile(x);
     const float* const from_y = fields.from_images.Profile(y_from_x[x]);
     std::vector<float> excesses;
     excesses.reserve(asked.size());
@@ -174,7 +176,7 @@ absl::Status CounterpartRule::LeaveOutContradicting(
   while (asked.size() >= kLeastSources) {
     std::vector<std::pair<float, int>> contradicting;
     for (const int i : asked) {
-      const float excess = median_excess(from_x_->points()[fields.sources[i]]);
+      const float excess = median_excess(from_x_.points()[fields.sources[i]]);
       if (excess > kMostExcess) contradicting.emplace_back(-excess, i);
     }
     if (contradicting.empty()) break;
@@ -241,7 +243,7 @@ void CounterpartRule::Smooth(const ElasticAlignment& alignment,
 }
 
 absl::StatusOr<OverlapMisfit> CounterpartRule::Misfit(
-    const ElasticAlignment& alignment) {
+    const ElasticAlignment& alignment) const {
   const std::vector<char>& matched = alignment.matched();
   const VertexMap& y_from_x = alignment.y_from_x();
   ISOMATCH_ASSIGN_OR_RETURN(const ComparedFields fields,
@@ -252,7 +254,7 @@ absl::StatusOr<OverlapMisfit> CounterpartRule::Misfit(
        x < solved_x_.mesh.num_vertices() && !fields.sources.empty();
        x += kOthers) {
     if (!matched[x]) continue;
-    const float* const from_x = from_x_->Profile(x);
+    const float* const from_x = from_x_.Profile(x);
     const float* const from_y = fields.from_images.Profile(y_from_x[x]);
     for (std::size_t i = 0; i < fields.sources.size(); ++i, ++compared) {
       misfit.distortion += std::min<double>(

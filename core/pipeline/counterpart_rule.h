@@ -1,6 +1,5 @@
 #pragma once
 
-#include <optional>
 #include <stop_token>
 #include <vector>
 
@@ -32,6 +31,10 @@ class CounterpartRule {
   CounterpartRule(const PreparedMesh& x, const PreparedMesh& y,
                   const std::stop_token& stop);
 
+  /// What LeaveOutContradicting and Misfit need first, to be called once.
+  /// CANCELLED after the token given.
+  absl::Status SolveSources();
+
   /// At first: those near enough to a match to be told by it. One entry a
   /// vertex of X, 1 or 0.
   std::vector<char> NearMatches(absl::Span<const VertexMatch> matches) const;
@@ -47,7 +50,7 @@ class CounterpartRule {
   /// but distances along them stay. What does not keep them itself is not asked
   /// about others. CANCELLED after the token given first.
   absl::Status LeaveOutContradicting(const ElasticAlignment& alignment,
-                                     std::vector<char>* matched);
+                                     std::vector<char>* matched) const;
 
   /// At last: what is matched in specks of X, amid what is left out, is left
   /// out too; what is left out where Y goes on, as the images around it are not
@@ -57,7 +60,7 @@ class CounterpartRule {
 
   /// Of alignment.matched(), which is not empty. CANCELLED after the token
   /// given first.
-  absl::StatusOr<OverlapMisfit> Misfit(const ElasticAlignment& alignment);
+  absl::StatusOr<OverlapMisfit> Misfit(const ElasticAlignment& alignment) const;
 
  private:
   /// Distances of all vertices from some that are matched.
@@ -66,8 +69,8 @@ class CounterpartRule {
     BasisPoints from_images;   ///< on Y, in the same order
   };
 
-  absl::StatusOr<ComparedFields> FieldsOf(const VertexMap& y_from_x,
-                                          const std::vector<char>& matched);
+  absl::StatusOr<ComparedFields> FieldsOf(
+      const VertexMap& y_from_x, const std::vector<char>& matched) const;
   void KeepOneEach(const ElasticAlignment& alignment,
                    std::vector<char>* matched) const;
   double OpenBorder(const ElasticAlignment& alignment) const;
@@ -93,7 +96,7 @@ class CounterpartRule {
   const DistanceFieldSolver solver_y_;
   const std::vector<float> rim_distances_x_;
   const std::vector<float> rim_distances_y_;
-  std::optional<BasisPoints> from_x_;  ///< of FieldsOf, once needed
+  BasisPoints from_x_;  ///< of SolveSources
 };
 
 }  // namespace isomatch

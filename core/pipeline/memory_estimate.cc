@@ -105,8 +105,10 @@ ShapeBytes BytesOf(MeshSize mesh, std::int64_t num_landmarks,
                                     std::min(n, double(kDescribedVertices)) +
                                 4 * n
                           : 0;
-  // Two alignments at once: the best yet and the one under judgment.
-  const double alignments = options.alignment_rounds > 0 ? 2 : 0;
+  // Three alignments at once: the best yet, the one under judgment, and the
+  // next, begun beside. Half of one fits into what the rest is estimated too
+  // high, as measured.
+  const double alignments = options.alignment_rounds > 0 ? 2.5 : 0;
   bytes.features = alignments * 4 * n * (count + 6);
   bytes.surface = alignments * (1150 * n + 40 * m +
                                 12 * n * 3 * std::log2(std::max(n, 2.0)));

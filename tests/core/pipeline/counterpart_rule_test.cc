@@ -79,7 +79,9 @@ class CounterpartRuleTest : public testing::Test {
   }
 
   CounterpartRule Rule() const {
-    return CounterpartRule(prepared_[kX], prepared_[kY], {});
+    CounterpartRule rule(prepared_[kX], prepared_[kY], {});
+    EXPECT_THAT(rule.SolveSources(), IsOk());
+    return rule;
   }
 
   std::vector<char> All() const {
@@ -220,12 +222,15 @@ TEST_F(SmoothedMaskTest, AllThatIsMatchedIsNoSpeck) {
 }
 
 TEST_F(CounterpartRuleTest, Cancels) {
+  const auto is_cancelled = StatusIs(absl::StatusCode::kCancelled, testing::_);
   std::stop_source stop;
-  stop.request_stop();
   CounterpartRule rule(prepared_[kX], prepared_[kY], stop.get_token());
+  ASSERT_THAT(rule.SolveSources(), IsOk());
+  stop.request_stop();
+  EXPECT_THAT(rule.SolveSources(), is_cancelled);
   std::vector<char> matched = All();
   EXPECT_THAT(rule.LeaveOutContradicting(Laid(Identity()), &matched),
-              StatusIs(absl::StatusCode::kCancelled, testing::_));
+              is_cancelled);
 }
 
 }  // namespace
