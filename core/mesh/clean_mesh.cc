@@ -12,6 +12,7 @@
 #include "core/base/sorted_buckets.h"
 #include "core/base/status_macros.h"
 #include "core/mesh/mesh_geometry.h"
+#include "core/mesh/spatial_order.h"
 #include "core/mesh/topology.h"
 
 namespace isomatch {
@@ -107,7 +108,8 @@ Faces WeldedFaces(const Faces& faces, const VertexMap& welded,
     ++count;
   }
   *dropped = static_cast<VertexIndex>(faces.rows() - count);
-  return kept.topRows(count);
+  kept.conservativeResize(count, Eigen::NoChange);
+  return kept;
 }
 
 /// Renumbers the vertices that are on a face, in their old order.
@@ -229,6 +231,30 @@ void OrientOutwards(const EdgeFaces& edges, CleanMesh* clean) {
   }
 }
 
+/// Vertices from which on the order of a mesh is worth a copy.
+constexpr VertexIndex kWorthOrdering = 1 << 16;
+
+/// The vertices in `order`, and the faces by their first one.
+TriangleMesh Renumbered(const TriangleMesh& mesh, const VertexMap& order) {
+  VertexMap place(order.size());
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    place[order[i]] = static_cast<VertexIndex>(i);
+  }
+  const SortedBuckets<VertexIndex> by_first(
+      mesh.num_faces(), mesh.num_vertices(),
+      [&](std::int64_t f) { return place[mesh.faces(f, 0)]; },
+      [](std::int64_t f) { return static_cast<VertexIndex>(f); });
+  TriangleMesh renumbered = {mesh.positions(order, Eigen::all),
+                             Faces(mesh.num_faces(), 3)};
+  for (VertexIndex f = 0; f < mesh.num_faces(); ++f) {
+    for (int corner = 0; corner < 3; ++corner) {
+      renumbered.faces(f, corner) =
+          place[mesh.faces(by_first.items()[f], corner)];
+    }
+  }
+  return renumbered;
+}
+
 void WarnOfSlivers(CleanMesh* clean) {
   const TriangleMesh& mesh = clean->mesh;
   VertexIndex flat = 0;
@@ -290,5 +316,21 @@ absl::StatusOr<CleanMesh> Clean(const TriangleMesh& mesh,
 }
 
 CleanMesh Clean(const TriangleMesh& mesh) { return *Clean(mesh, {}); }
+
+absl::StatusOr<CleanMesh> CleanInSpatialOrder(const TriangleMesh& mesh,
+                                              const std::stop_token& stop) {
+  if (mesh.num_vertices() < kWorthOrdering) return Clean(mesh, stop);
+  const VertexMap order = SpatialOrder(mesh.positions);
+  ISOMATCH_RETURN_IF_ERROR(CheckNotCancelled(stop));
+  ISOMATCH_ASSIGN_OR_RETURN(CleanMesh clean,
+                            Clean(Renumbered(mesh, order), stop));
+  for (VertexIndex& v : clean.original_from_clean) v = order[v];
+  VertexMap clean_from_original(order.size());
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    clean_from_original[order[i]] = clean.clean_from_original[i];
+  }
+  clean.clean_from_original = std::move(clean_from_original);
+  return clean;
+}
 
 }  // namespace isomatch

@@ -40,4 +40,10 @@ absl::StatusOr<CleanMesh> Clean(const TriangleMesh& mesh,
 /// The same, never cancelled.
 CleanMesh Clean(const TriangleMesh& mesh);
 
+/// The same but for the numbering: a mesh that no cache holds has its vertices
+/// in SpatialOrder, and faces by their first vertex. Files have them in any
+/// order, and with random ones cleaning takes three times as long.
+absl::StatusOr<CleanMesh> CleanInSpatialOrder(const TriangleMesh& mesh,
+                                              const std::stop_token& stop);
+
 }  // namespace isomatch

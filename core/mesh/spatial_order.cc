@@ -1,21 +1,26 @@
 #include "core/mesh/spatial_order.h"
 
-#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <numeric>
 #include <utility>
 
+#include "core/base/sorted_buckets.h"
+
 namespace isomatch {
 namespace {
 
 constexpr int kBits = 10;
+/// Bits of a code that its bucket does not tell.
+constexpr int kBitsInBucket = 15;
 
-/// Spreads the bits of `value` to every third place.
-std::uint32_t Spread(std::uint32_t value) {
-  std::uint32_t spread = 0;
-  for (int bit = 0; bit < kBits; ++bit) {
-    spread |= ((value >> bit) & 1u) << (3 * bit);
+/// The bits of each number below 1 << kBits, at every third place.
+std::vector<std::uint32_t> SpreadBits() {
+  std::vector<std::uint32_t> spread(std::size_t{1} << kBits, 0);
+  for (std::uint32_t value = 0; value < spread.size(); ++value) {
+    for (int bit = 0; bit < kBits; ++bit) {
+      spread[value] |= ((value >> bit) & 1u) << (3 * bit);
+    }
   }
   return spread;
 }
@@ -31,20 +36,24 @@ std::vector<VertexIndex> SpatialOrder(const Positions& positions) {
     std::iota(as_given.begin(), as_given.end(), 0);
     return as_given;
   }
-  std::vector<std::pair<std::uint32_t, VertexIndex>> coded;
+  const std::vector<std::uint32_t> spread = SpreadBits();
+  std::vector<std::uint32_t> codes(positions.rows(), 0);
   for (Eigen::Index v = 0; v < positions.rows(); ++v) {
-    std::uint32_t code = 0;
     for (int axis = 0; axis < 3; ++axis) {
-      code |= Spread(static_cast<std::uint32_t>(
-                  scale * (positions(v, axis) - low[axis])))
-              << axis;
+      const auto cell =
+          static_cast<std::uint32_t>(scale * (positions(v, axis) - low[axis]));
+      codes[v] |= spread[cell] << axis;
     }
-    coded.emplace_back(code, static_cast<VertexIndex>(v));
   }
-  std::sort(coded.begin(), coded.end());
+  const SortedBuckets<std::pair<std::uint32_t, VertexIndex>> by_code(
+      std::ssize(codes), std::int64_t{1} << (3 * kBits - kBitsInBucket),
+      [&](std::int64_t v) { return codes[v] >> kBitsInBucket; },
+      [&](std::int64_t v) {
+        return std::pair(codes[v], static_cast<VertexIndex>(v));
+      });
   std::vector<VertexIndex> order;
-  order.reserve(coded.size());
-  for (const auto& [code, v] : coded) order.push_back(v);
+  order.reserve(codes.size());
+  for (const auto& [code, v] : by_code.items()) order.push_back(v);
   return order;
 }
 

@@ -316,7 +316,7 @@ class Merger {
 absl::StatusOr<SplitMesh> SplitIntoComponents(const TriangleMesh& mesh,
                                               const std::stop_token& stop) {
   SplitMesh split;
-  ISOMATCH_ASSIGN_OR_RETURN(split.clean, Clean(mesh, stop));
+  ISOMATCH_ASSIGN_OR_RETURN(split.clean, CleanInSpatialOrder(mesh, stop));
   ISOMATCH_RETURN_IF_ERROR(CheckNotCancelled(stop));
   split.components = ConnectedComponents(split.clean.mesh);
   split.large = LargeComponents(split.clean.mesh, split.components);

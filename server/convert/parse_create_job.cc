@@ -219,6 +219,7 @@ absl::Status CheckRange(std::int64_t vertex, std::int64_t vertices,
 
 /// REQUIRES: the landmarks are in range.
 absl::Status CheckLandmarksOnSurface(const JobSpec& spec) {
+  if (spec.landmarks.empty()) return absl::OkStatus();
   const std::vector<bool> on_x = VerticesOnFaces(spec.mesh_x);
   const std::vector<bool> on_y = VerticesOnFaces(spec.mesh_y);
   for (size_t i = 0; i < spec.landmarks.size(); ++i) {

@@ -1,8 +1,11 @@
 #include "core/mesh/clean_mesh.h"
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <stop_token>
 #include <utility>
+#include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -165,6 +168,71 @@ TEST(CleanTest, IsIdempotentAndDoesNotDependOnScale) {
     EXPECT_EQ(once.mesh.num_vertices(), FiveArms(1).num_vertices());
     EXPECT_EQ(once.mesh.faces, twice.mesh.faces);
     EXPECT_EQ(once.mesh.positions, twice.mesh.positions);
+  }
+}
+
+/// The faces by the original vertices of their corners, each from its smallest
+/// one on, sorted.
+std::vector<std::array<VertexIndex, 3>> OriginalFaces(const CleanMesh& clean) {
+  std::vector<std::array<VertexIndex, 3>> faces;
+  faces.reserve(clean.mesh.num_faces());
+  for (VertexIndex f = 0; f < clean.mesh.num_faces(); ++f) {
+    std::array<VertexIndex, 3> face;
+    for (int corner = 0; corner < 3; ++corner) {
+      face[corner] = clean.original_from_clean[clean.mesh.faces(f, corner)];
+    }
+    std::ranges::rotate(face, std::ranges::min_element(face));
+    faces.push_back(face);
+  }
+  std::ranges::sort(faces);
+  return faces;
+}
+
+/// Of the vertices that each original one has become, the original ones.
+VertexMap Representatives(const CleanMesh& clean) {
+  VertexMap representatives;
+  for (const VertexIndex v : clean.clean_from_original) {
+    representatives.push_back(v == kNoVertex ? kNoVertex
+                                             : clean.original_from_clean[v]);
+  }
+  return representatives;
+}
+
+double MeanStepAlongEdges(const Faces& faces) {
+  return (faces.col(0) - faces.col(1)).cwiseAbs().cast<double>().mean();
+}
+
+TEST(CleanTest, InSpatialOrderOnlyTheNumberingDiffers) {
+  TriangleMesh mesh = Unwelded(UnitSphere(6));
+  mesh.positions.conservativeResize(mesh.num_vertices() + 1, Eigen::NoChange);
+  mesh.positions.bottomRows(1).setOnes();  // on no face
+  mesh = Relabeled(mesh, RandomPermutation(mesh.num_vertices(), /*seed=*/1));
+  const CleanMesh given = Clean(mesh);
+  const absl::StatusOr<CleanMesh> ordered = CleanInSpatialOrder(mesh, {});
+  ASSERT_THAT(ordered, IsOk());
+  EXPECT_EQ(ordered->warnings, given.warnings);
+  EXPECT_EQ(Representatives(*ordered), Representatives(given));
+  EXPECT_EQ(OriginalFaces(*ordered), OriginalFaces(given));
+  EXPECT_EQ(ordered->mesh.positions,
+            mesh.positions(ordered->original_from_clean, Eigen::all));
+  EXPECT_LT(MeanStepAlongEdges(ordered->mesh.faces),
+            0.1 * MeanStepAlongEdges(given.mesh.faces));
+}
+
+TEST(CleanTest, SmallMeshesKeepTheirOrder) {
+  const TriangleMesh mesh = FiveArms(2);
+  const absl::StatusOr<CleanMesh> clean = CleanInSpatialOrder(mesh, {});
+  ASSERT_THAT(clean, IsOk());
+  EXPECT_EQ(clean->mesh.faces, mesh.faces);
+  EXPECT_EQ(clean->original_from_clean, IdentityMap(mesh.num_vertices()));
+}
+
+TEST(CleanTest, InSpatialOrderItCancels) {
+  std::stop_source stop;
+  stop.request_stop();
+  for (const int level : {2, 7}) {
+    EXPECT_THAT(CleanInSpatialOrder(UnitSphere(level), stop.get_token()),
+                StatusIs(absl::StatusCode::kCancelled, testing::_));
   }
 }
 
