@@ -35,9 +35,9 @@ ElasticAlignment::ElasticAlignment(const AlignmentShape& shape_x,
       basis_(std::min<Eigen::Index>(
           {options.basis, shape_x.functions.rows(), shape_y.functions.rows()})),
       surface_(bending().mesh, bending().laplacian),
-      faces_y_(options.bend_y
-                   ? std::vector<FaceLanes>()
-                   : FacesAroundVertices(shape_y.mesh, shape_y.stars)),
+      own_faces_y_(options.bend_y || shape_y.faces != nullptr
+                       ? std::vector<FaceLanes>()
+                       : FacesAroundVertices(shape_y.mesh, shape_y.stars)),
       bent_(bending().mesh),
       y_from_x_(std::move(y_from_x)),
       fixed_(shape_x.mesh.num_vertices(), kNoVertex),
@@ -142,7 +142,8 @@ SurfacePoint ElasticAlignment::NearestPoint(
   const VertexIndex y = y_from_x_[x];
   return options_.bend_y
              ? NearestOnFaces(bent_, y_.stars.SomeFaces(y), position)
-             : faces_y_[y].Nearest(position);
+             : (y_.faces != nullptr ? *y_.faces : own_faces_y_)[y].Nearest(
+                   position);
 }
 
 absl::Status ElasticAlignment::FindPoints(const std::stop_token& stop) {

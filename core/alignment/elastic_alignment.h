@@ -25,6 +25,9 @@ struct AlignmentShape {
   const CotanLaplacian& laplacian;
   const PointColumns& functions;  ///< FunctionColumns of the eigenfunctions
   const VertexStars& stars;
+  /// FacesAroundVertices, which alignments of one pair share; else each that
+  /// needs them makes its own.
+  const std::vector<FaceLanes>* faces = nullptr;
 };
 
 /// What makes two points of the aligned surfaces alike: squared differences of
@@ -132,8 +135,8 @@ class ElasticAlignment {
   const AlignmentOptions options_;
   const Eigen::Index basis_;
   DeformableSurface surface_;
-  /// Around each vertex of Y, unless it bends.
-  const std::vector<FaceLanes> faces_y_;
+  /// Where Y, which does not bend, came without.
+  const std::vector<FaceLanes> own_faces_y_;
   TriangleMesh bent_;  ///< one surface laid on the other
   Positions normals_;  ///< of bent_
   VertexMap y_from_x_;

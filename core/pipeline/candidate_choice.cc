@@ -55,10 +55,11 @@ constexpr double kLeastStretch = 1e-5;
 constexpr double kDoublingBorder = 1;
 
 AlignmentShape ShapeOf(const PreparedMesh& prepared,
-                       const PointColumns& functions) {
+                       const PointColumns& functions,
+                       const std::vector<FaceLanes>* faces) {
   const WorkingMesh& solved = prepared.solved();
-  return {solved.mesh, solved.normals, prepared.laplacian, functions,
-          solved.stars};
+  return {solved.mesh, solved.normals, prepared.laplacian,
+          functions,   solved.stars,   faces};
 }
 
 int BasisSize(const PreparedMesh& x, const PreparedMesh& y,
@@ -76,8 +77,8 @@ CandidateChoice::CandidateChoice(const PreparedMesh& x, const PreparedMesh& y,
                  FunctionColumns(y.spectral, BasisSize(x, y, options))},
       spectral_{&x.spectral, &y.spectral},
       basis_y_(y.hash.basis),
-      x_(ShapeOf(x, functions_[kX])),
-      y_(ShapeOf(y, functions_[kY])),
+      x_(ShapeOf(x, functions_[kX], nullptr)),
+      y_(ShapeOf(y, functions_[kY], &faces_y_)),
       surface_x_(SurfaceOf(x)),
       surface_y_(SurfaceOf(y)),
       oriented_(x.solved().oriented && y.solved().oriented),
@@ -327,6 +328,7 @@ absl::StatusOr<std::unique_ptr<ElasticAlignment>> CandidateChoice::Choose(
   ISOMATCH_RETURN_IF_ERROR(DescribeAlike());
   ISOMATCH_RETURN_IF_ERROR(Compare());
   if (rule_) ISOMATCH_RETURN_IF_ERROR(rule_->SolveSources());
+  if (!bends_y()) faces_y_ = FacesAroundVertices(y_.mesh, y_.stars);
   ISOMATCH_ASSIGN_OR_RETURN(std::unique_ptr<ElasticAlignment> next,
                             Begin(&candidates->front()));
   Lead lead;

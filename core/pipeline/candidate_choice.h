@@ -13,6 +13,7 @@
 #include "core/base/vertex_index.h"
 #include "core/descriptor/nearby_match.h"
 #include "core/geodesic/basis_points.h"
+#include "core/mesh/face_lanes.h"
 #include "core/pipeline/candidates.h"
 #include "core/pipeline/counterpart_rule.h"
 #include "core/pipeline/match_options.h"
@@ -116,6 +117,7 @@ class CandidateChoice {
   const std::array<PointColumns, 2> functions_;
   const std::array<const SpectralBasis*, 2> spectral_;
   const BasisPoints& basis_y_;
+  std::vector<FaceLanes> faces_y_;  ///< unless Y bends, once needed
   const AlignmentShape x_;
   const AlignmentShape y_;
   const DescribedSurface surface_x_;

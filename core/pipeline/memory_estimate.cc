@@ -105,13 +105,14 @@ ShapeBytes BytesOf(MeshSize mesh, std::int64_t num_landmarks,
                                     std::min(n, double(kDescribedVertices)) +
                                 4 * n
                           : 0;
-  // Three alignments at once: the best yet, the one under judgment, and the
-  // next, begun beside. Half of one fits into what the rest is estimated too
-  // high, as measured.
-  const double alignments = options.alignment_rounds > 0 ? 2.5 : 0;
+  // Three alignments at once: the best yet, the one under judgment and the
+  // next, begun beside. They share what is known of Y's faces.
+  const double alignments = options.alignment_rounds > 0 ? 3 : 0;
+  constexpr double kFacesPerVertex = 750;
   bytes.features = alignments * 4 * n * (count + 6);
-  bytes.surface = alignments * (1150 * n + 40 * m +
-                                12 * n * 3 * std::log2(std::max(n, 2.0)));
+  bytes.surface = alignments * (400 * n + 40 * m +
+                                12 * n * 3 * std::log2(std::max(n, 2.0))) +
+                  (options.alignment_rounds > 0 ? kFacesPerVertex * n : 0);
   return bytes;
 }
 
@@ -260,10 +261,11 @@ std::int64_t EstimateAsTold(MeshSize x, MeshSize y, std::int64_t num_landmarks,
       late + part_start.fields + both(&ShapeBytes::stencils) * double(is_part),
       late + both(&ShapeBytes::dense_columns) + environments + search,
       late + both(&ShapeBytes::columns) + search,
-      late + both(&ShapeBytes::columns) + both(&ShapeBytes::descriptors) +
-          described_anew + search + kBallPerVertex * n * threads +
-          both(&ShapeBytes::features) + bytes_x.surface +
-          RuleBytes(both(&ShapeBytes::stencils), n, options),
+      // Of columns those of both and the ones carried to Y.
+      late + 0.75 * both(&ShapeBytes::columns) +
+          both(&ShapeBytes::descriptors) + described_anew + search +
+          kBallPerVertex * n * threads + both(&ShapeBytes::features) +
+          bytes_x.surface + RuleBytes(both(&ShapeBytes::stencils), n, options),
   });
   constexpr double kLargest = 9e18;
   const double with_full = std::max(full_x.at_first + full_y.at_first,

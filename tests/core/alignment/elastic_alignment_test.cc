@@ -107,6 +107,20 @@ TEST_F(ElasticAlignmentTest, RepairsANoisyMap) {
   EXPECT_LT(offset / x_.mesh.num_vertices(), 0.3 * MeanEdgeLength(y_.mesh));
 }
 
+TEST_F(ElasticAlignmentTest, FacesThatAreSharedChangeNothing) {
+  const std::vector<FaceLanes> faces = FacesAroundVertices(y_.mesh, y_.stars);
+  AlignmentShape shares = y_.shape();
+  shares.faces = &faces;
+  ElasticAlignment alone(x_.shape(), y_.shape(), options_, NoisyIdentity());
+  ElasticAlignment sharing(x_.shape(), shares, options_, NoisyIdentity());
+  ASSERT_THAT(alone.Run(0.03, 4, {}), IsOk());
+  ASSERT_THAT(sharing.Run(0.03, 4, {}), IsOk());
+  EXPECT_EQ(sharing.y_from_x(), alone.y_from_x());
+  for (VertexIndex v = 0; v < x_.mesh.num_vertices(); ++v) {
+    EXPECT_EQ(sharing.Residual(v), alone.Residual(v));
+  }
+}
+
 TEST_F(ElasticAlignmentTest, EitherShapeCanBeBent) {
   options_.bend_y = true;
   ElasticAlignment alignment(x_.shape(), y_.shape(), options_, NoisyIdentity());
