@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <iterator>
 #include <utility>
 
@@ -322,7 +323,7 @@ absl::StatusOr<std::unique_ptr<ElasticAlignment>> CandidateChoice::Choose(
     const std::function<void(double)>& progress,
     std::vector<Candidate>* candidates) {
   if (hurries() && !masks()) {
-    KeepFirst(1, candidates);
+    KeepLikeliest(candidates);
     return nullptr;
   }
   ISOMATCH_RETURN_IF_ERROR(DescribeAlike());
@@ -333,8 +334,9 @@ absl::StatusOr<std::unique_ptr<ElasticAlignment>> CandidateChoice::Choose(
                             Begin(&candidates->front()));
   Lead lead;
   std::size_t judged = 0;
+  bool all_compare = true;
   while (judged < candidates->size() && next != nullptr) {
-    if (hurries() && (judged > 0 || !masks())) break;
+    if (hurries() && masks() && judged > 0) break;
     Candidate& candidate = (*candidates)[judged];
     const auto report = [&](double fraction) {
       progress((double(judged) + fraction) /
@@ -357,17 +359,34 @@ absl::StatusOr<std::unique_ptr<ElasticAlignment>> CandidateChoice::Choose(
           ISOMATCH_ASSIGN_OR_RETURN(next, Begin(&(*candidates)[judged + 1]));
           return absl::OkStatus();
         }));
-    if (!compares) break;
+    if (!compares && masks()) break;
+    all_compare = all_compare && compares;
     ++judged;
   }
   KeepFirst(std::max<std::size_t>(judged, 1), candidates);
   std::stable_sort(candidates->begin(), candidates->end(), RanksBefore);
   RankLost(candidates);
+  if (!all_compare) KeepFirst(1, candidates);
   return std::move(lead.alignment);
 }
 
-/// Judges a map that was begun, or gives it up. False where hurry left it with
-/// fewer rounds than the leading one had.
+/// In a hurry: of dense maps, the one that sends vertices to those that look
+/// most alike.
+void CandidateChoice::KeepLikeliest(std::vector<Candidate>* candidates) const {
+  if (!is_part() && candidates->size() > 1) {
+    for (Candidate& candidate : *candidates) {
+      candidate.dense_mismatch = LookedUpMismatch(candidate.y_from_x, {});
+    }
+    std::iter_swap(candidates->begin(),
+                   std::ranges::min_element(*candidates, std::less<>(),
+                                            &Candidate::dense_mismatch));
+  }
+  KeepFirst(1, candidates);
+}
+
+/// Judges a map that was begun, or gives it up. In a hurry it is judged as it
+/// is, but of overlaps not against others: with fewer rounds than the leading
+/// one it is more likely to lose. False where it had fewer.
 absl::StatusOr<bool> CandidateChoice::Follow(
     const std::function<void(double)>& progress, Candidate* candidate,
     std::unique_ptr<ElasticAlignment> alignment, Lead* lead) const {
@@ -378,15 +397,18 @@ absl::StatusOr<bool> CandidateChoice::Follow(
     return true;
   }
   const int rounds = std::min(kJudgedRounds, options_.alignment_rounds);
-  ISOMATCH_ASSIGN_OR_RETURN(const int done,
-                            RunRounds(std::min(kFirstRounds, rounds), rounds,
-                                      progress, alignment.get()));
-  if (lead->candidate != nullptr && done < rounds) return false;
+  const bool is_rival = lead->candidate != nullptr;
+  int done = std::min(kFirstRounds, rounds);
+  if (!is_rival || !hurries()) {
+    ISOMATCH_ASSIGN_OR_RETURN(
+        done, RunRounds(done, rounds, progress, alignment.get()));
+  }
+  if (masks() && is_rival && done < rounds) return false;
   ISOMATCH_RETURN_IF_ERROR(Judge(*alignment, candidate));
-  if (lead->candidate == nullptr || RanksBefore(*candidate, *lead->candidate)) {
+  if (!is_rival || RanksBefore(*candidate, *lead->candidate)) {
     *lead = {candidate, std::move(alignment)};
   }
-  return true;
+  return done == rounds;
 }
 
 /// Refines a dense map and lays it out by the first rounds.

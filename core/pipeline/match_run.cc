@@ -317,17 +317,14 @@ class MatchRun {
   absl::Status Dense() {
     if (!options_.dense_from_closeness) return absl::OkStatus();
     progress_.Begin(Stage::kDense);
-    std::size_t i = 0;
-    for (; i < candidates_.size() && (i == 0 || !hurries()); ++i) {
+    for (Candidate& candidate : candidates_) {
       ISOMATCH_ASSIGN_OR_RETURN(
-          candidates_[i].y_from_x,
+          candidate.y_from_x,
           DenseMapFromMatches(DenseSurface(kX), DenseSurface(kY),
-                              candidates_[i].sparse, stop_));
+                              candidate.sparse, stop_));
       // Of an overlap it is not known yet what is matched.
       if (options_.relation != Relation::kOverlap) progress_.FoundMap();
     }
-    has_unknown_rivals_ = i < candidates_.size();
-    KeepFirst(i, &candidates_);
     Keep(Stage::kDense);
     return absl::OkStatus();
   }

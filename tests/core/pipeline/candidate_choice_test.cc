@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <stop_token>
 #include <utility>
 #include <vector>
 
@@ -222,6 +223,41 @@ TEST_F(CandidateChoiceTest, ARougherMapThatIsRightWins) {
                                        Planted(Rough(winner_, 3), 0.1)};
   Choose(&candidates);
   EXPECT_LT(ErrorOf(candidates[0].y_from_x), 0.03);
+}
+
+TEST_F(CandidateChoiceTest, InAHurryTheMapThatLooksMostAlikeIsLeft) {
+  std::stop_source hurry;
+  hurry.request_stop();
+  const StopTokens stops = {{}, hurry.get_token()};
+  CandidateChoice choice(prepared_[kX], prepared_[kY], options_, stops);
+  const VertexMap right = Rough(winner_, 2);
+  std::vector<Candidate> candidates = {Planted(Rough(loser_, 2), 0.001),
+                                       Planted(right, 0.1)};
+  const auto alignment = choice.Choose([](double) {}, &candidates);
+  ASSERT_THAT(alignment, IsOk());
+  EXPECT_EQ(*alignment, nullptr);
+  ASSERT_EQ(candidates.size(), 1u);
+  EXPECT_EQ(candidates[0].y_from_x, right);
+}
+
+TEST_F(CandidateChoiceTest, WhatIsBegunWhenItHurriesIsJudgedToo) {
+  std::stop_source hurry;
+  const StopTokens stops = {{}, hurry.get_token()};
+  CandidateChoice choice(prepared_[kX], prepared_[kY], options_, stops);
+  std::vector<Candidate> candidates = {Planted(Rough(loser_, 2), 0.001),
+                                       Planted(Rough(winner_, 2), 0.1),
+                                       Planted(Rough(winner_, 3), 0.1)};
+  // During the rounds of the second one.
+  const auto alignment = choice.Choose(
+      [&](double fraction) {
+        if (fraction > 0.34) hurry.request_stop();
+      },
+      &candidates);
+  ASSERT_THAT(alignment, IsOk());
+  ASSERT_NE(*alignment, nullptr);
+  ASSERT_EQ(candidates.size(), 1u);  // the others do not compare
+  EXPECT_LT(ErrorOf(candidates[0].y_from_x), 0.03);
+  EXPECT_EQ((*alignment)->y_from_x(), candidates[0].y_from_x);
 }
 
 TEST_F(CandidateChoiceTest, AVariantThatIsFarBehindIsGivenUp) {
