@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
 #include <iterator>
 #include <utility>
 
@@ -54,6 +53,11 @@ constexpr double kRimSpectralWeight = 0.01;
 constexpr double kLeastDistortion = 1e-3;
 constexpr double kLeastStretch = 1e-5;
 constexpr double kDoublingBorder = 1;
+
+void KeepOnly(std::size_t one, std::vector<Candidate>* candidates) {
+  std::swap(candidates->front(), (*candidates)[one]);
+  KeepFirst(1, candidates);
+}
 
 AlignmentShape ShapeOf(const PreparedMesh& prepared,
                        const PointColumns& functions,
@@ -323,7 +327,7 @@ absl::StatusOr<std::unique_ptr<ElasticAlignment>> CandidateChoice::Choose(
     const std::function<void(double)>& progress,
     std::vector<Candidate>* candidates) {
   if (hurries() && !masks()) {
-    KeepLikeliest(candidates);
+    KeepOnly(Likeliest(*candidates), candidates);
     return nullptr;
   }
   ISOMATCH_RETURN_IF_ERROR(DescribeAlike());
@@ -363,6 +367,13 @@ absl::StatusOr<std::unique_ptr<ElasticAlignment>> CandidateChoice::Choose(
     all_compare = all_compare && compares;
     ++judged;
   }
+  if (judged > 0 && judged < candidates->size()) {
+    const std::size_t likeliest = Likeliest(*candidates);
+    if (likeliest >= judged) {
+      KeepOnly(likeliest, candidates);
+      return nullptr;
+    }
+  }
   KeepFirst(std::max<std::size_t>(judged, 1), candidates);
   std::stable_sort(candidates->begin(), candidates->end(), RanksBefore);
   RankLost(candidates);
@@ -370,18 +381,16 @@ absl::StatusOr<std::unique_ptr<ElasticAlignment>> CandidateChoice::Choose(
   return std::move(lead.alignment);
 }
 
-/// In a hurry: of dense maps, the one that sends vertices to those that look
+/// In a hurry: the position of the map that sends vertices to those that look
 /// most alike.
-void CandidateChoice::KeepLikeliest(std::vector<Candidate>* candidates) const {
-  if (!is_part() && candidates->size() > 1) {
-    for (Candidate& candidate : *candidates) {
-      candidate.dense_mismatch = LookedUpMismatch(candidate.y_from_x, {});
-    }
-    std::iter_swap(candidates->begin(),
-                   std::ranges::min_element(*candidates, std::less<>(),
-                                            &Candidate::dense_mismatch));
+std::size_t CandidateChoice::Likeliest(
+    const std::vector<Candidate>& candidates) const {
+  if (is_part()) return 0;
+  std::vector<double> mismatches;
+  for (const Candidate& candidate : candidates) {
+    mismatches.push_back(LookedUpMismatch(candidate.y_from_x, {}));
   }
-  KeepFirst(1, candidates);
+  return std::ranges::min_element(mismatches) - mismatches.begin();
 }
 
 /// Judges a map that was begun, or gives it up. In a hurry it is judged as it

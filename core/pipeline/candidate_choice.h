@@ -42,11 +42,11 @@ class CandidateChoice {
   /// matched: the rank value of the first stage is multiplied by what
   /// CounterpartRule::Misfit says and by the root of the stretch.
   ///
-  /// Once stops.hurry was requested, no other candidate is begun, and the best
-  /// of those that were is left alone, since they had unlike rounds. If none
-  /// was, the one that looks most alike stays as it is, a dense map, and
-  /// nullptr is returned. An overlap's is always begun, and only those that had
-  /// all rounds compare.
+  /// Once stops.hurry was requested, no other candidate is begun, and one alone
+  /// is left, since they had unlike rounds: the best of those that were begun,
+  /// or one that was not and looks more alike, which stays as it is, a dense
+  /// map, and nullptr is returned. An overlap's is always begun, and only those
+  /// that had all rounds compare.
   ///
   /// REQUIRES: at least one candidate, all dense. Errors as ElasticAlignment.
   absl::StatusOr<std::unique_ptr<ElasticAlignment>> Choose(
@@ -100,7 +100,7 @@ class CandidateChoice {
     std::unique_ptr<ElasticAlignment> alignment;
   };
 
-  void KeepLikeliest(std::vector<Candidate>* candidates) const;
+  std::size_t Likeliest(const std::vector<Candidate>& candidates) const;
   absl::StatusOr<std::unique_ptr<ElasticAlignment>> Begin(
       Candidate* candidate) const;
   absl::StatusOr<bool> Follow(const std::function<void(double)>& progress,

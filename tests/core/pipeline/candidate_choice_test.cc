@@ -260,6 +260,20 @@ TEST_F(CandidateChoiceTest, WhatIsBegunWhenItHurriesIsJudgedToo) {
   EXPECT_EQ((*alignment)->y_from_x(), candidates[0].y_from_x);
 }
 
+TEST_F(CandidateChoiceTest, AFirstMapThatLooksUnlikeIsNotLeftInAHurry) {
+  std::stop_source hurry;
+  const StopTokens stops = {{}, hurry.get_token()};
+  CandidateChoice choice(prepared_[kX], prepared_[kY], options_, stops);
+  std::vector<Candidate> candidates = {Planted(Rough(loser_, 2), 0.001),
+                                       Planted(Rough(winner_, 2), 0.1)};
+  // During the rounds of the first one; the other one may be begun beside.
+  const auto alignment =
+      choice.Choose([&](double) { hurry.request_stop(); }, &candidates);
+  ASSERT_THAT(alignment, IsOk());
+  ASSERT_EQ(candidates.size(), 1u);
+  EXPECT_LT(ErrorOf(candidates[0].y_from_x), 0.06);
+}
+
 TEST_F(CandidateChoiceTest, AVariantThatIsFarBehindIsGivenUp) {
   // One side of the body goes where the half turn sends it.
   VertexMap torn = winner_;
