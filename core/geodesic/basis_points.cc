@@ -55,6 +55,30 @@ absl::Status SolveFields(const DistanceFieldSolver& solver,
       stop, solve_some);
 }
 
+/// Of all vertices, `count` sources a row.
+void WriteFields(const FieldSweeps& sweeps, const FieldSweeps::Workspace& found,
+                 const std::vector<int>& group, std::int64_t count,
+                 float* fields) {
+  for (VertexIndex v = 0; v < sweeps.num_vertices(); ++v) {
+    for (std::size_t lane = 0; lane < group.size(); ++lane) {
+      fields[v * count + group[lane]] = sweeps.Distance(found, v, lane);
+    }
+  }
+}
+
+/// Of the points, one source a column.
+void WriteAmong(const FieldSweeps& sweeps, const FieldSweeps::Workspace& found,
+                const std::vector<int>& group,
+                absl::Span<const VertexIndex> points,
+                Eigen::MatrixXf* distances) {
+  for (std::size_t j = 0; j < points.size(); ++j) {
+    for (std::size_t lane = 0; lane < group.size(); ++lane) {
+      (*distances)(static_cast<Eigen::Index>(j), group[lane]) =
+          sweeps.Distance(found, points[j], lane);
+    }
+  }
+}
+
 bool IsSwept(const DistanceFieldSolver& solver) {
   return solver.num_vertices() <= FieldSweeps::kMostVertices;
 }
@@ -89,12 +113,7 @@ absl::StatusOr<BasisPoints> BasisPoints::Create(
     const FieldSweeps sweeps(solver.stencils(), least_change);
     const auto write = [&](const std::vector<int>& group,
                            const FieldSweeps::Workspace& found) {
-      for (VertexIndex v = 0; v < basis.num_vertices_; ++v) {
-        for (std::size_t lane = 0; lane < group.size(); ++lane) {
-          fields[std::int64_t{v} * count + group[lane]] =
-              sweeps.Distance(found, v, lane);
-        }
-      }
+      WriteFields(sweeps, found, group, count, fields);
       report(group.size());
     };
     ISOMATCH_RETURN_IF_ERROR(SweepFields(sweeps, basis.points_, stop, write));
@@ -159,11 +178,7 @@ absl::StatusOr<Eigen::MatrixXf> DistancesAmong(
     const FieldSweeps sweeps(solver.stencils(), least_change);
     const auto write = [&](const std::vector<int>& group,
                            const FieldSweeps::Workspace& found) {
-      for (std::int64_t j = 0; j < count; ++j) {
-        for (std::size_t lane = 0; lane < group.size(); ++lane) {
-          distances(j, group[lane]) = sweeps.Distance(found, points[j], lane);
-        }
-      }
+      WriteAmong(sweeps, found, group, points, &distances);
     };
     ISOMATCH_RETURN_IF_ERROR(SweepFields(sweeps, points, stop, write));
   } else {

@@ -347,7 +347,7 @@ absl::StatusOr<std::unique_ptr<ElasticAlignment>> CandidateChoice::Choose(
                static_cast<double>(candidates->size()));
     };
     // Factors and the like keep one core busy: the next one is begun beside.
-    std::unique_ptr<ElasticAlignment> alignment = std::move(next);
+    std::unique_ptr<ElasticAlignment> alignment = std::exchange(next, nullptr);
     bool compares = true;
     ISOMATCH_RETURN_IF_ERROR(RunBoth(
         [&]() -> absl::Status {
@@ -357,10 +357,7 @@ absl::StatusOr<std::unique_ptr<ElasticAlignment>> CandidateChoice::Choose(
           return absl::OkStatus();
         },
         [&]() -> absl::Status {
-          if (judged + 1 == candidates->size() || hurries()) {
-            return absl::OkStatus();
-          }
-          ISOMATCH_ASSIGN_OR_RETURN(next, Begin(&(*candidates)[judged + 1]));
+          ISOMATCH_ASSIGN_OR_RETURN(next, BeginAt(judged + 1, candidates));
           return absl::OkStatus();
         }));
     if (!compares && masks()) break;
@@ -418,6 +415,13 @@ absl::StatusOr<bool> CandidateChoice::Follow(
     *lead = {candidate, std::move(alignment)};
   }
   return done == rounds;
+}
+
+/// nullptr where there is no other one, or no time for it.
+absl::StatusOr<std::unique_ptr<ElasticAlignment>> CandidateChoice::BeginAt(
+    std::size_t next, std::vector<Candidate>* candidates) const {
+  if (next == candidates->size() || hurries()) return nullptr;
+  return Begin(&(*candidates)[next]);
 }
 
 /// Refines a dense map and lays it out by the first rounds.

@@ -103,6 +103,8 @@ class CandidateChoice {
   std::size_t Likeliest(const std::vector<Candidate>& candidates) const;
   absl::StatusOr<std::unique_ptr<ElasticAlignment>> Begin(
       Candidate* candidate) const;
+  absl::StatusOr<std::unique_ptr<ElasticAlignment>> BeginAt(
+      std::size_t next, std::vector<Candidate>* candidates) const;
   absl::StatusOr<bool> Follow(const std::function<void(double)>& progress,
                               Candidate* candidate,
                               std::unique_ptr<ElasticAlignment> alignment,
