@@ -384,6 +384,7 @@ std::size_t CandidateChoice::Likeliest(
     const std::vector<Candidate>& candidates) const {
   if (is_part()) return 0;
   std::vector<double> mismatches;
+  mismatches.reserve(candidates.size());
   for (const Candidate& candidate : candidates) {
     mismatches.push_back(LookedUpMismatch(candidate.y_from_x, {}));
   }
