@@ -3,11 +3,24 @@
 #include <malloc.h>
 #include <unistd.h>
 
+#include <cstddef>
 #include <fstream>
 
+#include "absl/strings/str_cat.h"
 #include "server/machine/proc_file.h"
 
+// Of jemalloc, where the program has it (program_heap.cc).
+extern "C" [[gnu::weak]] int mallctl(const char* name, void* old_value,
+                                     std::size_t* old_length, void* new_value,
+                                     std::size_t new_length);
+
 namespace isomatch {
+namespace {
+
+// MALLCTL_ARENAS_ALL: stands for all of them.
+constexpr int kAllArenas = 4096;
+
+}  // namespace
 
 void ResetPeakResidentBytes() {
   // "5" resets the peak: see clear_refs in proc(5).
@@ -26,6 +39,11 @@ std::int64_t ResidentBytes() {
   return resident_pages * sysconf(_SC_PAGESIZE);
 }
 
-void ReleaseFreedMemory() { malloc_trim(0); }
+void ReleaseFreedMemory() {
+  malloc_trim(0);
+  if (mallctl == nullptr) return;
+  mallctl(absl::StrCat("arena.", kAllArenas, ".purge").c_str(), nullptr,
+          nullptr, nullptr, 0);
+}
 
 }  // namespace isomatch
