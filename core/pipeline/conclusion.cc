@@ -154,14 +154,17 @@ class Conclusion {
       *map = ToUserMap(x_.full, y_.full, lifted.y_from_x);
       Mask(images.matched, map);
       if (precise != nullptr) {
-        *precise = ToUserPoints(x_.full, y_.full, lifted.points, *map);
+        ISOMATCH_ASSIGN_OR_RETURN(
+            *precise,
+            ToUserPoints(x_.full, y_.full, lifted.points, *map, stop_));
       }
       return absl::OkStatus();
     }
     *map = ToUserMap(x_.full, y_.full, images.vertices);
     Mask(images.matched, map);
     if (precise != nullptr) {
-      *precise = ToUserPoints(x_.full, y_.full, images.points, *map);
+      ISOMATCH_ASSIGN_OR_RETURN(
+          *precise, ToUserPoints(x_.full, y_.full, images.points, *map, stop_));
     }
     return absl::OkStatus();
   }
