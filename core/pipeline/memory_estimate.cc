@@ -212,6 +212,10 @@ double FoundBytes(MeshSize x, MeshSize y, const MatchOptions& options) {
          kPerY * static_cast<double>(y.vertices);
 }
 
+/// What lies free between the arrays of a part's many maps, in huge pages that
+/// the heap keeps.
+constexpr double kBetweenMaps = 8e6;
+
 /// EstimateMemoryBytes of a relation that is known.
 std::int64_t EstimateAsTold(MeshSize x, MeshSize y, std::int64_t num_landmarks,
                             const MatchOptions& options) {
@@ -270,8 +274,8 @@ std::int64_t EstimateAsTold(MeshSize x, MeshSize y, std::int64_t num_landmarks,
   constexpr double kLargest = 9e18;
   const double with_full = std::max(full_x.at_first + full_y.at_first,
                                     full_x.later + full_y.later + peak);
-  return static_cast<std::int64_t>(
-      std::min(with_full + kFixed + found, kLargest));
+  return static_cast<std::int64_t>(std::min(
+      with_full + kFixed + found + kBetweenMaps * double(is_part), kLargest));
 }
 
 /// The most that `estimate` says of the relations that are tried.
