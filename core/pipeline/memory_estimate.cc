@@ -31,6 +31,9 @@ constexpr double kSearchPerRow = 2048;
 constexpr double kBallPerVertex = 40;
 /// A distance field workspace: distances, touched vertices, buckets.
 constexpr double kWorkspacePerVertex = 80;
+/// What lies free between the arrays of a part's many maps, in huge pages that
+/// the heap keeps.
+constexpr double kBetweenMaps = 8e6;
 
 /// What one shape takes, by what holds it.
 struct ShapeBytes {
@@ -211,10 +214,6 @@ double FoundBytes(MeshSize x, MeshSize y, const MatchOptions& options) {
   return kPerX * static_cast<double>(x.vertices) +
          kPerY * static_cast<double>(y.vertices);
 }
-
-/// What lies free between the arrays of a part's many maps, in huge pages that
-/// the heap keeps.
-constexpr double kBetweenMaps = 8e6;
 
 /// EstimateMemoryBytes of a relation that is known.
 std::int64_t EstimateAsTold(MeshSize x, MeshSize y, std::int64_t num_landmarks,

@@ -6,7 +6,6 @@
 #include <cstddef>
 #include <fstream>
 
-#include "absl/strings/str_cat.h"
 #include "server/machine/proc_file.h"
 
 // Of jemalloc, where the program has it (program_heap.cc).
@@ -15,12 +14,6 @@ extern "C" [[gnu::weak]] int mallctl(const char* name, void* old_value,
                                      std::size_t new_length);
 
 namespace isomatch {
-namespace {
-
-// MALLCTL_ARENAS_ALL: stands for all of them.
-constexpr int kAllArenas = 4096;
-
-}  // namespace
 
 void ResetPeakResidentBytes() {
   // "5" resets the peak: see clear_refs in proc(5).
@@ -42,8 +35,8 @@ std::int64_t ResidentBytes() {
 void ReleaseFreedMemory() {
   malloc_trim(0);
   if (mallctl == nullptr) return;
-  mallctl(absl::StrCat("arena.", kAllArenas, ".purge").c_str(), nullptr,
-          nullptr, nullptr, 0);
+  // 4096 is MALLCTL_ARENAS_ALL.
+  mallctl("arena.4096.purge", nullptr, nullptr, nullptr, 0);
 }
 
 }  // namespace isomatch

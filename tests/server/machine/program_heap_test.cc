@@ -4,31 +4,20 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <cstdio>
-#include <string>
 #include <vector>
 
 #include "server/machine/process_memory.h"
+#include "tests/server/child_process.h"
 
 namespace isomatch {
 namespace {
 
 using ::testing::AnyOf;
-using ::testing::HasSubstr;
+using ::testing::Contains;
+using ::testing::EndsWith;
 using ::testing::StrEq;
 
 constexpr std::int64_t kMebibyte = 1 << 20;
-
-/// What a command writes to standard output and standard error.
-std::string OutputOf(const std::string& command) {
-  std::FILE* const pipe = popen((command + " 2>&1").c_str(), "r");
-  std::string output;
-  for (int letter = 0; (letter = std::fgetc(pipe)) != EOF;) {
-    output += static_cast<char>(letter);
-  }
-  EXPECT_EQ(pclose(pipe), 0) << output;
-  return output;
-}
 
 TEST(ProgramHeapTest, LiesInHugePagesWhereTheSystemHasThem) {
   const char* pages = nullptr;
@@ -51,10 +40,11 @@ TEST(ProgramHeapTest, FreedMemoryIsKeptUntilItIsReleased) {
 
 TEST(ProgramHeapTest, IsThatOfThePrograms) {
   for (const char* program : {ISOMATCH_CLIENT_BINARY, ISOMATCH_SERVER_BINARY}) {
-    const std::string output = OutputOf(
-        std::string("MALLOC_CONF=stats_print:true ") + program + " --version");
-    EXPECT_THAT(output, HasSubstr("isomatch")) << program;
-    EXPECT_THAT(output, HasSubstr("opt.narenas: 1\n")) << program;
+    ChildProcess process(
+        "/usr/bin/env", {"MALLOC_CONF=stats_print:true", program, "--version"});
+    EXPECT_THAT(process.ReadLines(), Contains(EndsWith("opt.narenas: 1")))
+        << program;
+    EXPECT_EQ(process.ExitStatus(), 0) << program;
   }
 }
 
