@@ -5,69 +5,11 @@
 #include <utility>
 
 #include "core/mesh/mesh_geometry.h"
+#include "core/mesh/rim_walker.h"
 #include "core/mesh/topology.h"
 
 namespace isomatch {
 namespace {
-
-using Side = EdgeFaces::Side;
-
-/// The other side of the side's face that ends at `vertex`.
-Side OtherSideAt(const Faces& faces, Side side, VertexIndex vertex) {
-  for (int step = 1; step < 3; ++step) {
-    const int corner = (side.corner + step) % 3;
-    if (faces(side.face, corner) == vertex ||
-        faces(side.face, (corner + 1) % 3) == vertex) {
-      return {side.face, corner};
-    }
-  }
-  return side;
-}
-
-/// Follows the rims of a surface.
-class RimWalker {
- public:
-  RimWalker(const EdgeFaces& edges, const Faces& faces)
-      : edges_(edges),
-        faces_(faces),
-        visited_(3 * static_cast<std::size_t>(faces.rows()), false) {}
-
-  /// True when the side begins a rim that was not walked yet, and walks it.
-  bool Walk(Side side) {
-    if (!edges_.IsBoundary(side.face, side.corner) || Visited(side)) {
-      return false;
-    }
-    VertexIndex tip = faces_(side.face, (side.corner + 1) % 3);
-    while (edges_.IsBoundary(side.face, side.corner) && !Visited(side)) {
-      visited_[Slot(side)] = true;
-      side = NextAround(side, tip);
-      const VertexIndex from = faces_(side.face, side.corner);
-      tip = from == tip ? faces_(side.face, (side.corner + 1) % 3) : from;
-    }
-    return true;
-  }
-
- private:
-  static std::size_t Slot(Side side) {
-    return 3 * static_cast<std::size_t>(side.face) +
-           static_cast<std::size_t>(side.corner);
-  }
-  bool Visited(Side side) const { return visited_[Slot(side)]; }
-
-  /// Turns around `vertex` from face to face until a side has no other face.
-  Side NextAround(Side side, VertexIndex vertex) const {
-    while (true) {
-      side = OtherSideAt(faces_, side, vertex);
-      const Side across = edges_.Opposite(side.face, side.corner);
-      if (across.face == kNoVertex) return side;
-      side = across;
-    }
-  }
-
-  const EdgeFaces& edges_;
-  const Faces& faces_;
-  std::vector<bool> visited_;
-};
 
 /// Counts what the sides of faces tell: edges, rims, where faces disagree.
 void AddSides(const TriangleMesh& mesh, const EdgeFaces& edges,
@@ -78,8 +20,8 @@ void AddSides(const TriangleMesh& mesh, const EdgeFaces& edges,
     ComponentTopology& component =
         (*found)[components.of_vertex[mesh.faces(f, 0)]];
     for (int corner = 0; corner < 3; ++corner) {
-      const Side other = edges.Opposite(f, corner);
-      component.boundary_loops += rims.Walk({f, corner});
+      const EdgeFaces::Side other = edges.Opposite(f, corner);
+      component.boundary_loops += !rims.Walk({f, corner}).empty();
       if (other.face == kNoVertex) {
         component.is_manifold &= edges.IsBoundary(f, corner);
         component.euler_characteristic -= edges.IsBoundary(f, corner);

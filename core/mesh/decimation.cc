@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <numeric>
@@ -14,6 +15,7 @@
 #include "absl/status/status.h"
 #include "core/base/parallel.h"
 #include "core/base/status_macros.h"
+#include "core/mesh/rim_walker.h"
 
 namespace isomatch {
 namespace {
@@ -37,6 +39,11 @@ constexpr double kFacesLeftOfPatches = 8;
 /// stays: if hardly more than that were left, the inside would be too coarse to
 /// be mended.
 constexpr double kLeastShareLeft = 0.125;
+
+/// Where more than this many times what was asked for is left, a mended mesh is
+/// decimated: without holes of as many edges as this on the decimated one.
+constexpr double kWell = 1.2;
+constexpr double kClosedRim = 4;
 
 /// Vertices of faces, three each.
 using FaceCorners = std::vector<unsigned int>;
@@ -121,6 +128,67 @@ absl::StatusOr<FaceCorners> SimplifyPatches(const FaceCorners& corners,
   return all;
 }
 
+absl::StatusOr<FaceCorners> SimplifyAll(FaceCorners left,
+                                        const FloatPositions& positions,
+                                        double wanted_faces,
+                                        const std::stop_token& stop) {
+  for (bool shrinks = true; shrinks && left.size() / 3 > kFacesAtOnce;) {
+    const std::size_t before = left.size();
+    ISOMATCH_ASSIGN_OR_RETURN(
+        left, SimplifyPatches(left, positions, wanted_faces, stop));
+    shrinks = left.size() < before / 2;
+  }
+  ISOMATCH_RETURN_IF_ERROR(CheckNotCancelled(stop));
+  left = Simplify(left, positions, wanted_faces, /*options=*/0);
+  ISOMATCH_RETURN_IF_ERROR(CheckNotCancelled(stop));
+  return left;
+}
+
+/// Whether the face stands on an edge of three faces or more and meets nothing
+/// else.
+bool IsFin(const EdgeFaces& edges, VertexIndex face) {
+  int rim_sides = 0;
+  int manifold_sides = 0;
+  for (int corner = 0; corner < 3; ++corner) {
+    rim_sides += edges.IsBoundary(face, corner);
+    manifold_sides += edges.Opposite(face, corner).face != kNoVertex;
+  }
+  return rim_sides == 2 && manifold_sides == 0;
+}
+
+/// The faces of `mesh` but for fins, and more that close its holes of at most
+/// `most_edges` edges, each after a face at its rim.
+FaceCorners Mended(const TriangleMesh& mesh, double most_edges) {
+  const EdgeFaces edges(mesh.faces);
+  RimWalker rims(edges, mesh.faces);
+  FaceCorners corners;
+  corners.reserve(mesh.faces.size());
+  const auto add = [&](VertexIndex a, VertexIndex b, VertexIndex c) {
+    for (const VertexIndex v : {a, b, c}) {
+      corners.push_back(static_cast<unsigned int>(v));
+    }
+  };
+  for (VertexIndex f = 0; f < mesh.num_faces(); ++f) {
+    if (IsFin(edges, f)) continue;
+    add(mesh.faces(f, 0), mesh.faces(f, 1), mesh.faces(f, 2));
+    for (int corner = 0; corner < 3; ++corner) {
+      const auto rim = rims.Walk({f, corner});
+      if (!rims.is_closed() || static_cast<double>(rim.size()) > most_edges) {
+        continue;
+      }
+      for (std::size_t i = 2; i < rim.size(); ++i) {
+        add(rim[0], rim[i], rim[i - 1]);
+      }
+    }
+  }
+  return corners;
+}
+
+std::int64_t CountVertices(FaceCorners corners) {
+  std::sort(corners.begin(), corners.end());
+  return std::unique(corners.begin(), corners.end()) - corners.begin();
+}
+
 }  // namespace
 
 absl::StatusOr<CoarseMesh> Decimate(const TriangleMesh& mesh,
@@ -135,15 +203,17 @@ absl::StatusOr<CoarseMesh> Decimate(const TriangleMesh& mesh,
   const double wanted_faces =
       target * std::min(kFacesPerVertex,
                         double{1} * mesh.num_faces() / mesh.num_vertices());
-  for (bool shrinks = true; shrinks && left.size() / 3 > kFacesAtOnce;) {
-    const std::size_t before = left.size();
+  ISOMATCH_ASSIGN_OR_RETURN(
+      left, SimplifyAll(std::move(left), positions, wanted_faces, stop));
+  if (CountVertices(left) > kWell * target) {
+    // Each hole keeps three vertices at least, each fin two.
+    const double fineness = std::sqrt(double{1} * mesh.num_vertices() / target);
     ISOMATCH_ASSIGN_OR_RETURN(
-        left, SimplifyPatches(left, positions, wanted_faces, stop));
-    shrinks = left.size() < before / 2;
+        FaceCorners left_of_mended,
+        SimplifyAll(Mended(mesh, kClosedRim * fineness), positions,
+                    kFacesPerVertex * target, stop));
+    if (left_of_mended.size() < left.size()) left = std::move(left_of_mended);
   }
-  ISOMATCH_RETURN_IF_ERROR(CheckNotCancelled(stop));
-  left = Simplify(left, positions, wanted_faces, /*options=*/0);
-  ISOMATCH_RETURN_IF_ERROR(CheckNotCancelled(stop));
   CoarseMesh coarse;
   VertexMap coarse_from_fine(mesh.num_vertices(), kNoVertex);
   for (const unsigned int v : left) coarse_from_fine[v] = 0;

@@ -20,6 +20,11 @@ struct CoarseMesh {
 /// non-manifold edges or many small components forbid it. Vertices stay where
 /// they are. The result may need cleaning.
 ///
+/// Where a fifth more would be left, the reason may be many small holes, each
+/// of which keeps three vertices, or fins, faces on an edge that has two: then
+/// the result has no fins, and no holes but those whose rim is longer than
+/// about four of its edges.
+///
 /// Meshes of more than 131,072 faces are decimated patch by patch at first,
 /// each of faces that follow each other, which is quicker where these lie near
 /// each other.

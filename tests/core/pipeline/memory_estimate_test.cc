@@ -10,6 +10,7 @@
 #include "core/pipeline/match_options.h"
 #include "core/pipeline/matcher.h"
 #include "core/pipeline/memory_estimate.h"
+#include "tests/support/dirty_meshes.h"
 #include "tests/support/extreme_meshes.h"
 #include "tests/support/matchers.h"
 #include "tests/support/memory_growth.h"
@@ -46,6 +47,91 @@ INSTANTIATE_TEST_SUITE_P(Sizes, MemoryEstimateTest,
                                          std::pair{Profile::kDefault, 5},
                                          std::pair{Profile::kPaper, 3},
                                          std::pair{Profile::kPaper, 5}));
+
+/// Says yes to one face of so many, here and there; AtRandom takes longer.
+FacePredicate SomeFaces(std::uint32_t of) {
+  return [=](const TriangleMesh&, VertexIndex face) {
+    return ((static_cast<std::uint32_t>(face) * 2654435769u) >> 16) % of == 0;
+  };
+}
+
+using Damage = DirtyMesh (*)(const DirtyMesh&);
+
+// While it is cleaned a mesh of these takes most where it is damaged.
+class DamagedMeshEstimateTest
+    : public testing::TestWithParam<std::pair<const char*, Damage>> {};
+
+TEST_P(DamagedMeshEstimateTest, IsAnUpperBoundAndTight) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  GTEST_SKIP() << "sanitizers change what a process allocates";
+#endif
+  const TriangleMesh x = GetParam().second(Untouched(FiveArms(7))).mesh;
+  const TriangleMesh y = Moved(x, 2);
+  const MatchOptions options;
+  const MemoryGrowth growth;
+  ASSERT_THAT(Match(x, y, {}, options), IsOk());
+  const std::int64_t measured = growth.Bytes();
+  const std::int64_t estimate =
+      EstimateMemoryBytes(SizeOf(x), SizeOf(y), 0, options);
+  RecordProperty("measured_bytes", std::to_string(measured));
+  RecordProperty("estimate_bytes", std::to_string(estimate));
+  EXPECT_GE(estimate, measured);
+  // Of a soup five in six vertices go, which nobody knows before.
+  EXPECT_LE(estimate, measured * 5 / 2);
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Damages, DamagedMeshEstimateTest,
+    testing::Values(
+        std::pair<const char*, Damage>(
+            "None", [](const DirtyMesh& mesh) { return mesh; }),
+        std::pair<const char*, Damage>(
+            "Soup", [](const DirtyMesh& mesh) { return TriangleSoup(mesh); }),
+        std::pair<const char*, Damage>("Pierced",
+                                       [](const DirtyMesh& mesh) {
+                                         return WithoutFaces(mesh,
+                                                             SomeFaces(10));
+                                       }),
+        std::pair<const char*, Damage>("RepeatedFaces",
+                                       [](const DirtyMesh& mesh) {
+                                         return WithRepeatedFaces(mesh,
+                                                                  SomeFaces(2));
+                                       }),
+        std::pair<const char*, Damage>("Fins",
+                                       [](const DirtyMesh& mesh) {
+                                         return WithFins(mesh, SomeFaces(10));
+                                       }),
+        std::pair<const char*, Damage>("TouchingTetrahedra",
+                                       [](const DirtyMesh& mesh) {
+                                         return WithTouchingTetrahedra(
+                                             mesh, SomeFaces(10), 0.001);
+                                       }),
+        std::pair<const char*, Damage>("CollapsedEdges",
+                                       [](const DirtyMesh& mesh) {
+                                         return WithCollapsedEdges(
+                                             mesh, SomeFaces(10));
+                                       })),
+    [](const auto& damage) { return std::string(damage.param.first); });
+
+TEST(LargeMeshEstimateTest, HoldsForPartsOfEitherUnit) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  GTEST_SKIP() << "sanitizers change what a process allocates";
+#endif
+  const TriangleMesh y = FiveArms(7);
+  const TriangleMesh x =
+      MovedPart(y, Beyond(kFourthArm.normalized(), 0.6), 1, 2).mesh;
+  MatchOptions options;
+  options.relation = Relation::kPartOfY;
+  const MemoryGrowth growth;
+  ASSERT_THAT(Match(x, y, {}, options), IsOk());
+  const std::int64_t measured = growth.Bytes();
+  const std::int64_t estimate =
+      EstimateMemoryBytes(SizeOf(x), SizeOf(y), 0, options);
+  RecordProperty("measured_bytes", std::to_string(measured));
+  RecordProperty("estimate_bytes", std::to_string(estimate));
+  EXPECT_GE(estimate, measured);
+  EXPECT_LE(estimate, measured * 2);
+}
 
 // Two vertices of it are in all 2,684 faces: each correction of one of them
 // corrects all others, 2.7 million times until the distances are found.
