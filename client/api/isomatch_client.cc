@@ -202,8 +202,10 @@ absl::StatusOr<v1::Job> IsomatchClient::Create(const MatchRequest& request,
   if (is_inline) return SendCreateJob(message, stop);
   const auto upload_and_send = [&]() -> absl::StatusOr<v1::Job> {
     const std::uint64_t chunk = limits.max_chunk_bytes();
-    ISOMATCH_RETURN_IF_ERROR(Upload(meshes.x.bytes, chunk, stop));
+    std::future<absl::Status> sent_x =
+        std::async([&] { return Upload(meshes.x.bytes, chunk, stop); });
     ISOMATCH_RETURN_IF_ERROR(Upload(meshes.y.bytes, chunk, stop));
+    ISOMATCH_RETURN_IF_ERROR(sent_x.get());
     return SendCreateJob(message, stop);
   };
   absl::StatusOr<v1::Job> job = upload_and_send();

@@ -185,7 +185,7 @@ absl::Status BatchRunner::Match(const BatchPair& pair, std::size_t index,
            Wait(&backoff));
   if (!result.ok() && stop.stop_requested()) return Stopped();
   if (!result.ok()) return InFlagWords(result.status());
-  return record->Save(*result, file_y.mesh, warnings);
+  return record->Save(*result, file_y.MeshIn(request), warnings);
 }
 
 bool BatchRunner::Wait(Backoff* backoff) {

@@ -81,7 +81,7 @@ absl::StatusOr<Measured> Measure(const EvaluateArguments& arguments,
   ISOMATCH_ASSIGN_OR_RETURN(
       measured.errors,
       MeasureAgainstTruth(
-          {vertices, places.on_faces, &y.file_faces, x ? &x->mesh : nullptr},
+          {vertices, places.on_faces, &y.file_faces(), x ? &x->mesh : nullptr},
           y.mesh, arguments.truth, stop));
   return measured;
 }

@@ -161,8 +161,9 @@ absl::Status MatchAndWrite(const MatchArguments& arguments,
       FileOfY file_y, ReadMatchFiles({arguments.x, arguments.y,
                                       arguments.landmarks, arguments.job.weld},
                                      &request, &warnings));
-  MeshFacts facts = {
-      .mesh_x = &request.mesh_x, .mesh_y = &file_y.mesh, .warnings = warnings};
+  MeshFacts facts = {.mesh_x = &request.mesh_x,
+                     .mesh_y = &file_y.MeshIn(request),
+                     .warnings = warnings};
   SetColors(arguments, std::move(file_y.colors), &facts);
   SetJobOptions(arguments.job, &request);
   if (!server) request.threads = ThreadsHere(request.threads);

@@ -296,7 +296,7 @@ absl::StatusOr<LoadedMesh> ReadMesh(const std::string& path,
   loaded.format = std::move(soup.format);
   loaded.warnings = std::move(soup.warnings);
   TriangleMesh& mesh = loaded.mesh;
-  mesh.positions = ToMatrix<Positions>(soup.points);
+  mesh.positions = ToMatrix<Positions>(std::exchange(soup.points, {}));
   mesh.faces = Triangulate(soup, mesh.positions, soup.corners);
   const auto polygons =
       absl::c_count_if(soup.sizes, [](VertexIndex size) { return size > 3; });
@@ -309,7 +309,6 @@ absl::StatusOr<LoadedMesh> ReadMesh(const std::string& path,
     return WithSubject(subject, status);
   }
   ISOMATCH_RETURN_IF_ERROR(ValidateMesh(mesh, subject));
-  loaded.file_faces = mesh.faces;
   loaded.colors = ToColors(path, soup);
   loaded.texture = ToTexture(path, mesh.positions, soup);
   return loaded;

@@ -52,23 +52,27 @@ struct LoadedMesh {
   TriangleMesh mesh;
   /// What the user should know about it.
   std::vector<std::string> warnings;
-  /// What the file has, by number; those of `mesh` are others after a weld.
-  Faces file_faces;
+  /// What the file has, by number, where `mesh` was welded since.
+  std::optional<Faces> faces_before_weld;
   /// E.g. "PLY, binary little endian".
   std::string format;
   /// Colors of the vertices. INVALID_ARGUMENT, naming file and line: some
   /// vertices have one and others not, or one is not a number of 0 or more.
   absl::StatusOr<std::optional<Colors>> colors = std::optional<Colors>();
-  /// Texture of `file_faces`, from an OBJ file with a `vt` that a face names,
-  /// or from a glTF file with TEXCOORD; v counts from below. INVALID_ARGUMENT,
-  /// naming file and line: a `vt` that is not two numbers, or a face that names
-  /// one that is not there.
+  /// Texture of the file's faces, from an OBJ file with a `vt` that a face
+  /// names, or from a glTF file with TEXCOORD; v counts from below.
+  /// INVALID_ARGUMENT, naming file and line: a `vt` that is not two numbers, or
+  /// a face that names one that is not there.
   absl::StatusOr<std::optional<MeshTexture>> texture =
       std::optional<MeshTexture>();
 
   /// For all that numbers faces as the file does: its faces, and the places of
   /// `mesh`.
-  TriangleMesh WithFileFaces() const { return {mesh.positions, file_faces}; }
+  TriangleMesh WithFileFaces() const { return {mesh.positions, file_faces()}; }
+
+  const Faces& file_faces() const {
+    return faces_before_weld ? *faces_before_weld : mesh.faces;
+  }
 };
 
 /// Returns the mesh of an OFF, OBJ, PLY (ascii or binary), STL, glTF (.glb,

@@ -19,6 +19,7 @@ absl::StatusOr<LoadedMesh> LoadMeshFile(const std::string& path,
   }
   ISOMATCH_ASSIGN_OR_RETURN(LoadedMesh loaded, ReadMesh(path, field));
   if (!weld.empty()) {
+    loaded.faces_before_weld = loaded.mesh.faces;
     const absl::StatusOr<VertexIndex> moved =
         WeldVertices(tolerance, &loaded.mesh);
     if (!moved.ok()) {

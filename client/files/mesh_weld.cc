@@ -254,7 +254,7 @@ std::string WeldAdvice::Text() const {
 std::optional<WeldAdvice> AdviseWeld(const TriangleMesh& mesh) {
   const VertexIndex vertices = mesh.num_vertices();
   DisjointSets sets(vertices);
-  std::vector<bool> is_on_face(static_cast<std::size_t>(vertices));
+  std::vector<char> is_on_face(static_cast<std::size_t>(vertices));
   for (VertexIndex f = 0; f < mesh.num_faces(); ++f) {
     for (int i = 0; i < 3; ++i) {
       sets.Join(mesh.faces(f, 0), mesh.faces(f, i));

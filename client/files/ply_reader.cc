@@ -304,12 +304,24 @@ class PlyReader {
   }
 
  private:
+  // Room for what the header claims, as far as the file's size bears it.
+  void Reserve(const PlyElement& element) {
+    const std::size_t item_bytes = 1 + 2 * element.properties.size();
+    const std::size_t most = std::min(static_cast<std::size_t>(element.count),
+                                      body_.rest().size() / item_bytes);
+    if (element.name == "vertex") soup_->points.reserve(most);
+    if (element.name != "face") return;
+    soup_->sizes.reserve(most);
+    soup_->corners.reserve(3 * most);
+  }
+
   // Each of these returns false after a fault.
   bool ReadElement(const PlyElement& element) {
     std::vector<std::optional<std::size_t>> columns;
     for (const PlyProperty& property : element.properties) {
       columns.push_back(ColumnOf(element, property));
     }
+    Reserve(element);
     for (item_ = 0; item_ < element.count; ++item_) {
       for (std::size_t i = 0; i < columns.size(); ++i) {
         const PlyProperty& property = element.properties[i];

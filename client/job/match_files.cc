@@ -60,7 +60,8 @@ absl::StatusOr<FileOfY> ReadMatchFiles(const MatchPaths& files,
   ISOMATCH_ASSIGN_OR_RETURN(LoadedPair meshes,
                             LoadMeshes(files.x, files.y, files.weld, warnings));
   auto& [x, y] = meshes;
-  FileOfY file_y = {y.WithFileFaces(), std::move(y.colors)};
+  FileOfY file_y = {.colors = std::move(y.colors)};
+  if (y.faces_before_weld) file_y.unwelded = y.WithFileFaces();
   request->mesh_x = std::move(x.mesh);
   request->mesh_y = std::move(y.mesh);
   ISOMATCH_RETURN_IF_ERROR(

@@ -30,11 +30,16 @@ struct MatchPaths {
 
 /// Y as its file has it, for what numbers its faces or shows its colors.
 struct FileOfY {
-  TriangleMesh mesh;
+  /// `mesh_y` of the request as it was before a weld; nothing without one.
+  std::optional<TriangleMesh> unwelded = {};
   /// Of each vertex of its file, or why there are none.
   absl::StatusOr<std::optional<Colors>> colors;
   /// How far points were from the surfaces, in lines for people.
   std::vector<std::string> notes = {};
+
+  const TriangleMesh& MeshIn(const MatchRequest& request) const {
+    return unwelded ? *unwelded : request.mesh_y;
+  }
 };
 
 /// Reads both meshes and the landmarks into `request`. What is to be said about

@@ -2,6 +2,8 @@
 
 #include <unistd.h>
 
+#include <algorithm>
+#include <array>
 #include <cerrno>
 
 namespace isomatch {
@@ -16,15 +18,18 @@ int WriteAll(int file, absl::string_view bytes) {
 }
 
 int ReadUpTo(std::size_t most, int file, std::string* bytes) {
-  bytes->resize(most);
-  std::size_t done = 0;
-  while (done < most) {
-    const ssize_t got = read(file, &(*bytes)[done], most - done);
+  // By way of a block that stays in the processor's cache: to resize first
+  // would be a pass over all memory, to fill it with zeros.
+  std::array<char, std::size_t{1} << 16> block;
+  bytes->clear();
+  bytes->reserve(most);
+  while (bytes->size() < most) {
+    const ssize_t got =
+        read(file, block.data(), std::min(block.size(), most - bytes->size()));
     if (got < 0 && errno != EINTR) return errno;
     if (got == 0) break;
-    if (got > 0) done += static_cast<std::size_t>(got);
+    if (got > 0) bytes->append(block.data(), static_cast<std::size_t>(got));
   }
-  bytes->resize(done);
   return 0;
 }
 

@@ -21,6 +21,7 @@ class DisjointSets {
   }
 
   void Join(VertexIndex a, VertexIndex b) {
+    if (parent_[a] == parent_[b]) return;
     const auto [low, high] = std::minmax({Find(a), Find(b)});
     parent_[high] = low;
   }

@@ -53,6 +53,7 @@ constexpr double kMostRootAreas = 1e6;
 /// Fourth powers of lengths stay finite, and above zero, in double precision.
 constexpr double kLongest = 1e70;
 constexpr double kShortest = 1e-70;
+constexpr double kLeastArea = std::numeric_limits<double>::min();
 
 double MedianOf(std::vector<double>* values) {
   const auto middle = values->begin() + std::ssize(*values) / 2;
@@ -60,17 +61,21 @@ double MedianOf(std::vector<double>* values) {
   return *middle;
 }
 
-/// What a mesh is measured by, insensitive to a few bad vertices.
-struct Medians {
+/// What a mesh is measured by, insensitive to a few bad vertices: medians over
+/// some faces.
+struct Measures {
   Eigen::RowVector3d middle;
-  double edge;  ///< of those that have a length; 0 for none
+  double edge;      ///< of those that have a length; 0 for none
+  double area = 0;  ///< of those faces together
 };
 
-Medians MediansOf(const TriangleMesh& mesh) {
+Measures MeasuresOf(const TriangleMesh& mesh) {
   const VertexIndex step = 1 + (mesh.num_faces() - 1) / kSampledFaces;
   std::vector<double> edges;
   std::vector<double> coordinates[3];
+  Measures measures;
   for (VertexIndex f = 0; f < mesh.num_faces(); f += step) {
+    measures.area += FaceArea(mesh, f);
     for (int corner = 0; corner < 3; ++corner) {
       const auto from = mesh.positions.row(mesh.faces(f, corner));
       const auto to = mesh.positions.row(mesh.faces(f, (corner + 1) % 3));
@@ -81,12 +86,11 @@ Medians MediansOf(const TriangleMesh& mesh) {
       }
     }
   }
-  Medians medians;
   for (int axis = 0; axis < 3; ++axis) {
-    medians.middle[axis] = MedianOf(&coordinates[axis]);
+    measures.middle[axis] = MedianOf(&coordinates[axis]);
   }
-  medians.edge = edges.empty() ? 0 : MedianOf(&edges);
-  return medians;
+  measures.edge = edges.empty() ? 0 : MedianOf(&edges);
+  return measures;
 }
 
 /// The vertex that lies farthest from a point, and how far.
@@ -111,20 +115,27 @@ Farthest FarthestFrom(const TriangleMesh& mesh,
 }
 
 /// That the core's numbers hold the shape.
-absl::Status CheckProportions(const TriangleMesh& mesh, double area,
+absl::Status CheckProportions(const TriangleMesh& mesh,
                               const std::string& field) {
-  const Medians medians = MediansOf(mesh);
-  const double root_area = std::sqrt(area);
-  // What holds with the vertices on no face holds without them, and takes no
-  // look at all faces. Some vertex lies half an edge away at least.
-  const double reach = FarthestFrom(mesh, medians.middle, {}).distance;
-  if (reach < kLongest && medians.edge > 2 * kShortest &&
-      reach <= kMostEdges * medians.edge &&
-      reach <= kMostRootAreas * root_area) {
+  const Measures measures = MeasuresOf(mesh);
+  // What holds with the vertices on no face, and by the area of some faces,
+  // holds without these and by that of all, and takes no look at all faces.
+  // Some vertex lies half an edge away at least.
+  const double reach = FarthestFrom(mesh, measures.middle, {}).distance;
+  if (reach < kLongest && measures.edge > 2 * kShortest &&
+      measures.area > kLeastArea && reach <= kMostEdges * measures.edge &&
+      reach <= kMostRootAreas * std::sqrt(measures.area)) {
     return absl::OkStatus();
   }
+  const double area = SurfaceArea(mesh);
+  if (!(area > kLeastArea) || !std::isfinite(area)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(field, ": surface area is ", area,
+                     ", expected a positive, finite area"));
+  }
+  const double root_area = std::sqrt(area);
   const Farthest farthest =
-      FarthestFrom(mesh, medians.middle, VerticesOnFaces(mesh));
+      FarthestFrom(mesh, measures.middle, VerticesOnFaces(mesh));
   const auto too_far = [&](double ratio, const char* unit, double most) {
     return absl::InvalidArgumentError(
         absl::StrCat(field, ": vertex ", farthest.vertex, " lies ", ratio, " ",
@@ -134,8 +145,8 @@ absl::Status CheckProportions(const TriangleMesh& mesh, double area,
   if (!(farthest.distance < kLongest && farthest.distance > kShortest)) {
     return too_far(farthest.distance, "units", kLongest);
   }
-  if (!(farthest.distance <= kMostEdges * medians.edge)) {
-    return too_far(farthest.distance / medians.edge, "median edges",
+  if (!(farthest.distance <= kMostEdges * measures.edge)) {
+    return too_far(farthest.distance / measures.edge, "median edges",
                    kMostEdges);
   }
   if (!(farthest.distance <= kMostRootAreas * root_area)) {
@@ -160,13 +171,7 @@ absl::Status ValidateMesh(const TriangleMesh& mesh, const std::string& field) {
   }
   ISOMATCH_RETURN_IF_ERROR(CheckPositions(mesh.positions, field));
   ISOMATCH_RETURN_IF_ERROR(CheckFaces(mesh, field));
-  const double area = SurfaceArea(mesh);
-  if (!(area > std::numeric_limits<double>::min()) || !std::isfinite(area)) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(field, ": surface area is ", area,
-                     ", expected a positive, finite area"));
-  }
-  return CheckProportions(mesh, area, field);
+  return CheckProportions(mesh, field);
 }
 
 }  // namespace isomatch

@@ -61,6 +61,18 @@ TEST(ValidateMeshTest, RefusesASurfaceWithoutArea) {
       StatusIs(kInvalid, HasSubstr("expected a positive, finite area")));
 }
 
+TEST(ValidateMeshTest, AcceptsASurfaceWhoseSampledFacesHaveNoArea) {
+  TriangleMesh mesh = UnitSphere(5);
+  // Of 20,480 faces every fifth is looked at first.
+  for (VertexIndex f = 0; f < mesh.num_faces(); f += 5) {
+    mesh.faces(f, 1) = mesh.faces(f, 0);
+  }
+  EXPECT_THAT(ValidateMesh(mesh, "mesh_x"), IsOk());
+  mesh.faces.col(1) = mesh.faces.col(0);
+  EXPECT_THAT(ValidateMesh(mesh, "mesh_x"),
+              StatusIs(kInvalid, HasSubstr("surface area is 0")));
+}
+
 TEST(ValidateMeshTest, NamesAVertexTooManyEdgesAway) {
   for (const double shift : {0.0, 1e9}) {
     TriangleMesh mesh = UnitSphere(2);
