@@ -155,7 +155,7 @@ FullBytes FullBytesOf(MeshSize mesh, const MatchOptions& options) {
   if (!IsDecimated(mesh.vertices, options)) return {};
   const double n = static_cast<double>(mesh.vertices);
   const double m = static_cast<double>(mesh.faces);
-  return {120 * n + 75 * m, 150 * n + 55 * m};
+  return {120 * n + 75 * m, 160 * n + 60 * m};
 }
 
 double Threads(const MatchOptions& options) {
