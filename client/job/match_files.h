@@ -30,7 +30,7 @@ struct MatchPaths {
 
 /// Y as its file has it, for what numbers its faces or shows its colors.
 struct FileOfY {
-  /// `mesh_y` of the request as it was before a weld; nothing without one.
+  /// With the faces of the file, where a weld changed those of the request.
   std::optional<TriangleMesh> unwelded = {};
   /// Of each vertex of its file, or why there are none.
   absl::StatusOr<std::optional<Colors>> colors;

@@ -212,7 +212,11 @@ absl::StatusOr<CoarseMesh> Decimate(const TriangleMesh& mesh,
         FaceCorners left_of_mended,
         SimplifyAll(Mended(mesh, kClosedRim * fineness), positions,
                     kFacesPerVertex * target, stop));
-    if (left_of_mended.size() < left.size()) left = std::move(left_of_mended);
+    // What is folded up closes to nothing.
+    if (left_of_mended.size() < left.size() &&
+        CountVertices(left_of_mended) >= target / kWell) {
+      left = std::move(left_of_mended);
+    }
   }
   CoarseMesh coarse;
   VertexMap coarse_from_fine(mesh.num_vertices(), kNoVertex);

@@ -15,6 +15,7 @@
 #include "core/mesh/mesh_geometry.h"
 #include "core/mesh/topology.h"
 #include "tests/support/dirty_meshes.h"
+#include "tests/support/extreme_meshes.h"
 #include "tests/support/matchers.h"
 #include "tests/support/shapes.h"
 
@@ -97,6 +98,12 @@ TEST(DecimateTest, ManyFinsGo) {
       Clean(Decimate(Clean(finned).mesh, 1000, {})->mesh).mesh;
   EXPECT_NEAR(coarse.num_vertices(), 1000, 50);
   EXPECT_EQ(DescribeComponents(coarse).front().euler_characteristic, 2);
+}
+
+TEST(DecimateTest, WhatIsFoldedUpIsNotMendedAway) {
+  // Closed, the fan would be collapsed to nothing.
+  const CoarseMesh coarse = *Decimate(Clean(Fan(10'000)).mesh, 4000, {});
+  EXPECT_GE(coarse.mesh.num_vertices(), 3000);
 }
 
 TEST(DecimateTest, CoincidingShellsAreDecimatedAsWell) {
