@@ -212,7 +212,7 @@ absl::StatusOr<CoarseMesh> Decimate(const TriangleMesh& mesh,
         FaceCorners left_of_mended,
         SimplifyAll(Mended(mesh, kClosedRim * fineness), positions,
                     kFacesPerVertex * target, stop));
-    // What is folded up closes to nothing.
+    // All faces may be fins, as the pages of a book are.
     if (left_of_mended.size() < left.size() &&
         CountVertices(left_of_mended) >= target / kWell) {
       left = std::move(left_of_mended);

@@ -100,10 +100,9 @@ TEST(DecimateTest, ManyFinsGo) {
   EXPECT_EQ(DescribeComponents(coarse).front().euler_characteristic, 2);
 }
 
-TEST(DecimateTest, WhatIsFoldedUpIsNotMendedAway) {
-  // Closed, the fan would be collapsed to nothing.
-  const CoarseMesh coarse = *Decimate(Clean(Fan(10'000)).mesh, 4000, {});
-  EXPECT_GE(coarse.mesh.num_vertices(), 3000);
+TEST(DecimateTest, ABookWhosePagesAreAllFinsKeepsThem) {
+  const CoarseMesh coarse = *Decimate(Clean(Book(10'000)).mesh, 4000, {});
+  EXPECT_GE(coarse.mesh.num_vertices(), 4000);
 }
 
 TEST(DecimateTest, CoincidingShellsAreDecimatedAsWell) {
