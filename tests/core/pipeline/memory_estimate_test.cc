@@ -19,6 +19,25 @@
 namespace isomatch {
 namespace {
 
+struct MatchBytes {
+  std::int64_t measured;
+  std::int64_t estimate;
+};
+
+/// Matches, and records both.
+MatchBytes BytesOfMatch(const TriangleMesh& x, const TriangleMesh& y,
+                        const MatchOptions& options) {
+  const MemoryGrowth growth;
+  EXPECT_THAT(Match(x, y, {}, options), IsOk());
+  const MatchBytes bytes = {
+      growth.Bytes(), EstimateMemoryBytes(SizeOf(x), SizeOf(y), 0, options)};
+  testing::Test::RecordProperty("measured_bytes",
+                                std::to_string(bytes.measured));
+  testing::Test::RecordProperty("estimate_bytes",
+                                std::to_string(bytes.estimate));
+  return bytes;
+}
+
 class MemoryEstimateTest
     : public testing::TestWithParam<std::pair<Profile, int>> {};
 
@@ -31,13 +50,7 @@ TEST_P(MemoryEstimateTest, IsAnUpperBoundAndNotAWildOne) {
   const TriangleMesh y = Moved(x, 2);
   MatchOptions options = MatchOptions::ForProfile(profile);
   if (profile == Profile::kPaper) options.max_seeds = 6;
-  const MemoryGrowth growth;
-  ASSERT_THAT(Match(x, y, {}, options), IsOk());
-  const std::int64_t measured = growth.Bytes();
-  const std::int64_t estimate =
-      EstimateMemoryBytes(SizeOf(x), SizeOf(y), 0, options);
-  RecordProperty("measured_bytes", std::to_string(measured));
-  RecordProperty("estimate_bytes", std::to_string(estimate));
+  const auto [measured, estimate] = BytesOfMatch(x, y, options);
   EXPECT_GE(estimate, measured);
   EXPECT_LE(estimate, 2 * measured + (std::int64_t{16} << 20));
 }
@@ -55,11 +68,11 @@ FacePredicate SomeFaces(std::uint32_t of) {
   };
 }
 
-using Damage = DirtyMesh (*)(const DirtyMesh&);
+/// Its name, and what it makes of a good mesh.
+using Damage = std::pair<const char*, DirtyMesh (*)(const DirtyMesh&)>;
 
 // While it is cleaned a mesh of these takes most where it is damaged.
-class DamagedMeshEstimateTest
-    : public testing::TestWithParam<std::pair<const char*, Damage>> {};
+class DamagedMeshEstimateTest : public testing::TestWithParam<Damage> {};
 
 TEST_P(DamagedMeshEstimateTest, IsAnUpperBoundAndTight) {
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
@@ -68,13 +81,7 @@ TEST_P(DamagedMeshEstimateTest, IsAnUpperBoundAndTight) {
   const TriangleMesh x = GetParam().second(Untouched(FiveArms(7))).mesh;
   const TriangleMesh y = Moved(x, 2);
   const MatchOptions options;
-  const MemoryGrowth growth;
-  ASSERT_THAT(Match(x, y, {}, options), IsOk());
-  const std::int64_t measured = growth.Bytes();
-  const std::int64_t estimate =
-      EstimateMemoryBytes(SizeOf(x), SizeOf(y), 0, options);
-  RecordProperty("measured_bytes", std::to_string(measured));
-  RecordProperty("estimate_bytes", std::to_string(estimate));
+  const auto [measured, estimate] = BytesOfMatch(x, y, options);
   EXPECT_GE(estimate, measured);
   // Of a soup five in six vertices go, which nobody knows before.
   EXPECT_LE(estimate, measured * 5 / 2);
@@ -82,35 +89,32 @@ TEST_P(DamagedMeshEstimateTest, IsAnUpperBoundAndTight) {
 
 INSTANTIATE_TEST_SUITE_P(
     Damages, DamagedMeshEstimateTest,
-    testing::Values(
-        std::pair<const char*, Damage>(
-            "None", [](const DirtyMesh& mesh) { return mesh; }),
-        std::pair<const char*, Damage>(
-            "Soup", [](const DirtyMesh& mesh) { return TriangleSoup(mesh); }),
-        std::pair<const char*, Damage>("Pierced",
-                                       [](const DirtyMesh& mesh) {
-                                         return WithoutFaces(mesh,
-                                                             SomeFaces(10));
-                                       }),
-        std::pair<const char*, Damage>("RepeatedFaces",
-                                       [](const DirtyMesh& mesh) {
-                                         return WithRepeatedFaces(mesh,
-                                                                  SomeFaces(2));
-                                       }),
-        std::pair<const char*, Damage>("Fins",
-                                       [](const DirtyMesh& mesh) {
-                                         return WithFins(mesh, SomeFaces(10));
-                                       }),
-        std::pair<const char*, Damage>("TouchingTetrahedra",
-                                       [](const DirtyMesh& mesh) {
-                                         return WithTouchingTetrahedra(
-                                             mesh, SomeFaces(10), 0.001);
-                                       }),
-        std::pair<const char*, Damage>("CollapsedEdges",
-                                       [](const DirtyMesh& mesh) {
-                                         return WithCollapsedEdges(
-                                             mesh, SomeFaces(10));
-                                       })),
+    testing::Values(Damage("None", [](const DirtyMesh& mesh) { return mesh; }),
+                    Damage("Soup",
+                           [](const DirtyMesh& mesh) {
+                             return TriangleSoup(mesh);
+                           }),
+                    Damage("Pierced",
+                           [](const DirtyMesh& mesh) {
+                             return WithoutFaces(mesh, SomeFaces(10));
+                           }),
+                    Damage("RepeatedFaces",
+                           [](const DirtyMesh& mesh) {
+                             return WithRepeatedFaces(mesh, SomeFaces(2));
+                           }),
+                    Damage("Fins",
+                           [](const DirtyMesh& mesh) {
+                             return WithFins(mesh, SomeFaces(10));
+                           }),
+                    Damage("TouchingTetrahedra",
+                           [](const DirtyMesh& mesh) {
+                             return WithTouchingTetrahedra(mesh, SomeFaces(10),
+                                                           0.001);
+                           }),
+                    Damage("CollapsedEdges",
+                           [](const DirtyMesh& mesh) {
+                             return WithCollapsedEdges(mesh, SomeFaces(10));
+                           })),
     [](const auto& damage) { return std::string(damage.param.first); });
 
 TEST(LargeMeshEstimateTest, HoldsForPartsOfEitherUnit) {
@@ -122,13 +126,7 @@ TEST(LargeMeshEstimateTest, HoldsForPartsOfEitherUnit) {
       MovedPart(y, Beyond(kFourthArm.normalized(), 0.6), 1, 2).mesh;
   MatchOptions options;
   options.relation = Relation::kPartOfY;
-  const MemoryGrowth growth;
-  ASSERT_THAT(Match(x, y, {}, options), IsOk());
-  const std::int64_t measured = growth.Bytes();
-  const std::int64_t estimate =
-      EstimateMemoryBytes(SizeOf(x), SizeOf(y), 0, options);
-  RecordProperty("measured_bytes", std::to_string(measured));
-  RecordProperty("estimate_bytes", std::to_string(estimate));
+  const auto [measured, estimate] = BytesOfMatch(x, y, options);
   EXPECT_GE(estimate, measured);
   EXPECT_LE(estimate, measured * 2);
 }
@@ -144,10 +142,8 @@ TEST(MemoryEstimateBookTest, CorrectedDistancesDoNotPileUp) {
   const TriangleMesh y = RandomExtremeMesh(kPair + 1).mesh;
   MatchOptions options;
   options.threads = 1;
-  const MemoryGrowth growth;
-  ASSERT_THAT(Match(x, y, {}, options), IsOk());
-  EXPECT_LE(growth.Bytes(),
-            EstimateMemoryBytes(SizeOf(x), SizeOf(y), 0, options) * 3 / 4);
+  const auto [measured, estimate] = BytesOfMatch(x, y, options);
+  EXPECT_LE(measured, estimate * 3 / 4);
 }
 
 /// Of a pair of closed meshes of n vertices each.
